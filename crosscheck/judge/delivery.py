@@ -129,11 +129,6 @@ def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[s
         yield _not_delivered(QUANTITIES[0], f"no answer for {', '.join(absent)}")
 
 
-ENOUGH = 10
-"""Scenes that an engine is asked before it fails by answering none of them: one that refuses three of four by a reason
-that no table can hold refuses all ten in one night of eighteen."""
-
-
 class Unanswered:
     """Engines that no scene has an answer of, and what they refused although their tables have every joint of it."""
 
@@ -151,12 +146,16 @@ class Unanswered:
             self.first.setdefault(engine, (record, reasons[engine]))
             self.refused[engine] += 1
 
-    def new(self) -> Iterator[NewCase]:
-        """Yield every engine that was asked often enough, and answered nothing, as a disagreement."""
+    def new(self, answers_plain_ones: Callable[[str], bool]) -> Iterator[NewCase]:
+        """Yield every engine that answered nothing as a disagreement, unless it answers plain mechanisms.
+
+        What is drawn may by chance be all that an honest engine refuses for a reason that no table can hold. The
+        plainest mechanism of a joint in its table is not.
+        """
         for engine, (record, reason) in self.first.items():
-            many = self.refused[engine]
-            if engine not in self.answering and many >= ENOUGH:
-                message = f"answered none of {many} scenes whose joints its table has; the first: {reason}"
+            if engine not in self.answering and not answers_plain_ones(engine):
+                scenes = f"{self.refused[engine]} scenes whose joints its table has, and no plain mechanism"
+                message = f"answered none of {scenes}; the first: {reason}"
                 who: Any = {"engine": engine, "method": "any", "quantity": "status"}
                 fault = Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message)
                 yield NewCase(disagreement=fault, key=record.key, shard=int(record.about.get("shard") or 0))

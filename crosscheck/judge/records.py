@@ -279,6 +279,8 @@ class Record(Strict):
         The hash of the scene: 16 hexadecimal digits.
     about : dict
         What the generator knows of the scene; its number in the night is `shard`.
+    run : str
+        The digest of the run that it is of (`crosscheck.night.campaign`); "" if it is of none.
     """
 
     key: Key
@@ -290,6 +292,7 @@ class Record(Strict):
     disagreements: list[Disagreement]
     reference: ReferenceRow | None = None
     failure: str | None = None
+    run: str = ""
 
 
 @dataclass(kw_only=True)
@@ -365,10 +368,10 @@ def read_line(line: bytes | str) -> Record:
     return record
 
 
-def fault(error: ValidationError) -> str:
-    """Return the first fault of data: its key, its value and what was expected, in one line."""
+def fault(error: ValidationError, under: str = "") -> str:
+    """Return the first fault of data: its key `under` another, its value and what was expected, in one line."""
     first = error.errors(include_url=False)[0]
-    where = ".".join(map(str, first["loc"])) or "the line"
+    where = ".".join(filter(None, (under, *map(str, first["loc"])))) or "the line"
     value = "missing" if first["type"] == "missing" else repr(first["input"])
     return f"{where}: {value if len(value) <= 80 else value[:77] + '...'}; {first['msg'][0].lower()}{first['msg'][1:]}"
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -38,18 +40,20 @@ from crosscheck.night.plan import (
     replace_file,
     write_outcome,
 )
+from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.installed import find_engines
 from crosscheck.workers.pool import Job, Pool, Workers
+from refkin.scenes.files import to_dict
 
 ROUND = 140
 """Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that
 it does not depend on which worker was faster."""
 
 DRAWN_ANEW = 30
-"""Of the scenes that a folder holds about so many, and the last, are drawn once more: are they those of its seed?"""
+"""Of the scenes that a folder holds about so many, and the last, are drawn once more: does this code draw them?"""
 
 Progress = Callable[[int, str], None]
 
@@ -86,7 +90,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
     outcome.checked = len(journal.keys)
     with _pool(plan, outcome.engines, outcome.versions) as workers:
         for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
-            journal.append(record)
+            journal.append(replace(record, run=of_run(plan.seed, outcome.versions)))
             outcome.checked = len(journal.keys)
         mute = _sort(journal, outcome)
         if plan.known_gaps:
@@ -97,7 +101,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
         if plan.baseline is not None:
             progress(outcome.checked, "comparing the golden set")
             outcome.new += compare_night(plan.baseline, plan.out, workers)
-        outcome.new += mute.new()
+        outcome.new += mute.new(partial(_answers_plain_ones, workers))
         outcome.failed += workers.unexplained
 
 
@@ -166,11 +170,13 @@ class Turns:
         self.pairs: dict[int, Counter[str]] = {}
         self._seen: dict[int, dict[str, int]] = {}
         self.pending: set[int] = set()
+        self.runs: set[str] = set()
         self.next = 0
         for record in journal:
             number = record.about.get("shard")
             if type(number) is not int or number < 0:  # JSON's true is an int, too
                 raise OtherRun(f"{journal.path} holds records of another kind: choose another folder")
+            self.runs.add(record.run)
             self.settle(record)
         others = [line for line in journal.unreadable if not line.torn]
         if others and not self.done:
@@ -273,6 +279,12 @@ def _sort(journal: Journal, outcome: NightOutcome) -> Unanswered:
     return mute
 
 
+def _answers_plain_ones(workers: Pool, engine: str) -> bool:
+    """Return whether an engine answers any of the plain mechanisms that `crosscheck conform` asks about."""
+    plain = ({"scene": to_dict(question.scene)} for question in questions())
+    return any(workers.check_one(job, [engine]).answers for job in plain)
+
+
 def _made(out: Path) -> dict[str, Any] | None:
     """Return what is written about the run that a folder holds."""
     path = out / "run.json"
@@ -286,11 +298,22 @@ def _made(out: Path) -> dict[str, Any] | None:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
+def of_run(seed: int, versions: Mapping[str, str]) -> str:
+    """Return the digest, 16 hex digits, of what all records of a run have in common: the seed, and all versions.
+
+    One that is mixed in, out of another run, is told by it wherever it stands. It is no signature.
+    """
+    same = json.dumps([seed, version("refkin"), versions], sort_keys=True)
+    return hashlib.sha256(same.encode()).hexdigest()[:16]
+
+
 def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> None:
     """Write how the run is made, unless the folder holds one of other versions, engines or scenes."""
     before, versions = _made(plan.out), {"refkin": version("refkin"), **outcome.versions}
     if before is not None and before["versions"] != versions:
         raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {versions}: choose another folder")
+    if turns.runs - {of_run(plan.seed, outcome.versions)}:
+        raise OtherRun(f"{plan.out} holds records of another run: choose another folder")
     numbers = sorted(turns.numbers)
     for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
         if key_of(draw(plan.seed, number).scene) != turns.numbers[number]:

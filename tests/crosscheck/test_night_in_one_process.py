@@ -20,13 +20,14 @@ from crosscheck.night import campaign
 from crosscheck.night.campaign import OtherRun, run
 from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, NightPlan, read_outcome
 from crosscheck.report.build import summarized
+from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.drawing import draw, is_chain
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
 
 from .fake_engines import settled
-from .report_records import failed_record, record, typed
+from .report_records import failed_record, good_answer, record, typed
 
 SEED = 33
 GAP = """[[gap]]
@@ -64,6 +65,7 @@ class InThisProcess:
     made: list[InThisProcess] = []  # noqa: RUF012
     refusing: dict[str, str] = {}  # noqa: RUF012
     planted = PLANTED
+    answered: tuple[str, ...] = ()
 
     def __init__(self, work: Any, count: int, engines: Any, seconds: float) -> None:
         self.engines, self.asked_for = dict(engines), (count, seconds)
@@ -99,7 +101,8 @@ class InThisProcess:
 
     def check_one(self, job: Any, engines: Any) -> Record:
         self.alone.append((job, tuple(engines)))
-        return typed(record("right"))
+        plain = self.refusing and job["scene"].get("name") in self.answered
+        return typed(record("right", good_answer("mujoco")) if plain else record("right"))
 
     def results(self) -> Any:
         job, engines = self.waiting.pop(0)
@@ -221,6 +224,19 @@ def test_records_of_another_night_between_its_own_are_refused(night, tmp_path, o
         night(9)
 
 
+def test_one_record_of_another_run_is_refused_wherever_it_stands(night, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign, "DRAWN_ANEW", 1)
+    night(9)
+    path = tmp_path / "out" / "records.jsonl"
+    *before, foreign, last = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    runs = [campaign.of_run(SEED + k, read_outcome(tmp_path / "out")[0].versions) for k in (0, 1)]
+    assert all(runs[0] in line for line in before)
+    path.write_text("".join([*before, foreign.replace(*runs), last]), encoding="utf-8")
+
+    with pytest.raises(OtherRun, match="holds records of another run: choose another folder"):
+        night(12)
+
+
 def test_a_night_whose_time_is_over_begins_with_no_other_scene(night, monkeypatch):
     passed = iter(range(0, 10**6, 7))
     clock = SimpleNamespace(monotonic=lambda: float(next(passed)), strftime=time.strftime, gmtime=time.gmtime)
@@ -254,21 +270,24 @@ def test_a_required_engine_that_is_there_is_called_by_its_name(night):
 
 
 @pytest.mark.parametrize(
-    ("scenes", "refusing", "fails"),
-    [(13, {"joint": ""}, True), (9, {"joint": ""}, False), (13, {"joint": "gear", "level": "solve"}, False)],
-    ids=["asked and silent", "asked too seldom", "refused by its table"],
+    ("refusing", "answered", "fails"),
+    [({"joint": ""}, (), True), ({"joint": ""}, ("fixed",), False), ({"joint": "gear", "level": "solve"}, (), False)],
+    ids=["silent", "answers a plain mechanism", "refused by its table"],
 )
-def test_an_engine_that_was_asked_and_answered_nothing_fails_the_night(
-    night, tmp_path, monkeypatch, scenes, refusing, fails
+def test_an_engine_that_was_asked_and_answered_nothing_fails_the_night_unless_plain_mechanisms_are_answered(
+    night, tmp_path, monkeypatch, refusing, answered, fails
 ):
+    plain = {question.about: question.scene for question in questions()}
+    monkeypatch.setattr(campaign, "questions", lambda: [Question("any", replace(s, name=n)) for n, s in plain.items()])
     monkeypatch.setattr(InThisProcess, "refusing", refusing)
+    monkeypatch.setattr(InThisProcess, "answered", answered)
     monkeypatch.setattr(InThisProcess, "planted", {})
-    outcome, *_ = night(scenes)
+    outcome, *_ = night(3)
     report = summarized(tmp_path / "out")
-    said = "mujoco (any), status: not delivered; answered none of 13 scenes whose joints its table has; the first: "
+    said = "mujoco (any), status: not delivered; answered none of 3 scenes whose joints its table has, and no plain "
     lines = [line for line in outcome_lines(outcome) if "not delivered" in line]
 
-    assert lines == [f"new: {said}not today"] * fails
+    assert lines == [f"new: {said}mechanism; the first: not today"] * fails
     assert "mujoco answered no scene" in report["notes"]
     assert (report["verdict"], report["engines"]["mujoco"]["any"]["position"]["failures"]) == (
         ("new disagreements", 1) if fails else ("infrastructure", 0)
