@@ -61,7 +61,7 @@ def arguments(spec: str, out: Path, scenes: int = 12) -> list[Any]:
     return [*night, "--engines", spec, "--out", out]
 
 
-def wait_until(done: Callable[[], bool], seconds: float = 60.0) -> None:
+def wait_until(done: Callable[[], bool], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < end
