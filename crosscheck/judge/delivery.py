@@ -80,10 +80,11 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
         absolute, relative, of_rates = (
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
-        if absolute <= most and relative <= formulas and of_rates <= _of_rates(scene):
+        least = min(term.absolute, term.relative, term.of_rates)  # one below 0 would pay for another
+        if absolute <= most and relative <= formulas and of_rates <= _of_rates(scene) and least >= 0.0:
             allowed.append(term)
             continue
-        size = max(term.absolute, term.relative, term.of_rates)
+        size = least if least < 0.0 else max(term.absolute, term.relative, term.of_rates)
         message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
         faults.append({"quantity": term.level, "kind": Cause.UNDOCUMENTED, "message": message})
     return allowed, faults
@@ -96,8 +97,8 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
         return
     count, width = len(scene.times), scene.mechanism.kind.width
     shape = (width * len(motion.bodies), count)
-    if not np.array_equal(motion.t, scene.times):
-        yield "its times are not those of the scene"
+    if not (isinstance(motion.t, np.ndarray) and np.array_equal(motion.t, scene.times)):
+        yield "its times are not those of the scene, as an array"
     if len(motion.status) != count:
         yield f"expected a status for each of {count} times, got {len(motion.status)}"
     unknown = [status for status in motion.status if not isinstance(status, Status)]
@@ -113,6 +114,8 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
     if strange:
         yield f"it answers for {kept(', '.join(map(str, strange)))}, which the scene has not"
+    if len(set(motion.bodies)) < len(motion.bodies):
+        yield f"it answers more than once for a body: {kept(', '.join(map(str, motion.bodies)))}"
     who = motion.producer
     if not (isinstance(who, Producer) and str(who.version).isprintable() and isinstance(who.route, Route)):
         yield f"expected a refkin.motion.Producer with a printable version and a Route, got {kept(repr(who))}"

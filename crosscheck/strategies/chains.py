@@ -1,13 +1,14 @@
-"""Scenes beyond the three linkages: geared five-bars, racks, disc cams, six-bars; each assembles by construction.
+"""Scenes beyond the three linkages: five-bars, racks, disc cams, six-bars; each assembles by construction.
 
-Lengths are drawn so that every closure keeps a margin over a full turn of the input: these scenes are regular, and
-leave the near-singular ones to the linkages.
+The cranks of a five-bar are turned by a gear, or by a second driver. Lengths are drawn so that every closure keeps a
+margin over a full turn of the input: these scenes are regular, and leave the near-singular ones to the linkages.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import draw_law, moved
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
 from crosscheck.strategies.spans import Binned
-from refkin.joints import GROUND, AngleDriver
+from refkin.joints import GROUND, AngleDriver, Gear
 from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import Branch, law_keys, rough
 
 
@@ -39,7 +41,7 @@ def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: 
 
 
 def geared_linkages(**bounds: Any) -> SearchStrategy[Chain]:
-    """Return geared five-bars; bounds are those of `chains`."""
+    """Return geared five-bars, some with a second driver for the gear; bounds are those of `chains`."""
     return chains(kinds=["geared five-bar"], **bounds)
 
 
@@ -72,12 +74,25 @@ def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float 
     start = plan.poses(float(law(0.0)))
     frames = _draw_frames(draw, tuple(start), size)
     of_frame = moved(law, frames.apart(GROUND, plan.driven))
-    driver = AngleDriver(name="driver", body=plan.driven, **law_keys(of_frame))
+    joints, drivers = plan.joints(frames), [AngleDriver(name="driver", body=plan.driven, **law_keys(of_frame))]
+    if kind == "geared five-bar" and draw(st.booleans(), label="a motor for the gear"):
+        joints = [joint for joint in joints if not isinstance(joint, Gear)]
+        drivers.append(_draw_second(draw, start["second"][1] + frames.apart(GROUND, "second"), duration))
+        kind = "five-bar with two drivers"
     pose = {body: frames.on_ground(place, body) for body, place in start.items()}
     bodies = tuple(Body(name=name, estimate=q) for name, q in rough(pose, plan.longest, plan.margin).items())
-    mechanism = Mechanism(bodies, tuple(plan.joints(frames)), (driver,))
-    scene = Scene(mechanism=mechanism, times=times, name=f"{kind} {branch}, {driver.type} driver")
+    mechanism = Mechanism(bodies, tuple(joints), tuple(drivers))
+    scene = Scene(mechanism=mechanism, times=times, name=f"{kind} {branch}, {drivers[0].type} driver")
     return Chain(scene, kind, branch, plan.margin / plan.longest)
+
+
+def _draw_second(draw: DrawFn, begin: float, duration: float) -> AngleDriver:
+    """Draw a second crank's own wave from an angle on: a five-bar's couplers meet whatever its cranks do."""
+    amplitude, phase = draw(st.floats(0.25, 3.0), label="amplitude"), draw(ANGLES, label="phase")
+    frequency = math.tau * draw(st.floats(0.25, 2.0), label="waves") / duration
+    wave = Sinusoid(amplitude=amplitude, angular_frequency=frequency, phase=phase, offset=begin)
+    law = replace(wave, offset=2.0 * begin - float(wave(0.0)))
+    return AngleDriver(name="second driver", body="second", law=law)
 
 
 def _draw_frames(draw: DrawFn, bodies: tuple[str, ...], size: float) -> Frames:

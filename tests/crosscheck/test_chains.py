@@ -61,6 +61,15 @@ def test_vector_loops_answer_every_chain_and_agree(kind):
     assert {len(record.answers) for record in checked(kind)} == {1}
 
 
+def test_of_five_bars_some_have_a_second_driver_that_no_other_says():
+    five_bars = [d.scene.mechanism for d in drawn("geared five-bar")]
+    motors = [mechanism.drivers for mechanism in five_bars if len(mechanism.drivers) == 2]
+
+    assert 2 <= len(motors) <= len(five_bars) - 2
+    assert all(len(m.drivers) == 1 + all(joint.type != "gear" for joint in m.joints) for m in five_bars)
+    assert {driver.body for _, driver in motors} == {"second"}
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_closures_keep_the_margin_that_is_reported(kind):
     assert min(d.distance for d in drawn(kind)) > 1e-3

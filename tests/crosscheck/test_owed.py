@@ -284,6 +284,14 @@ def test_an_error_term_in_many_pieces_is_granted_no_more_than_whole():
     assert (len(kept), len(faults)) == (1, 49)
 
 
+@pytest.mark.parametrize("key", ["absolute", "relative", "of_rates"])
+def test_a_term_below_zero_is_not_granted_and_pays_for_no_other(key):
+    kept, faults = granted(Wrapped(), SCENE, [big(**{key: -1e3}), big(**{key: 1e3})])
+
+    assert kept == []
+    assert [fault["message"].split(":")[0] for fault in faults] == ["'own' of -1e+03", "'own' of 1e+03"]
+
+
 def test_a_term_for_own_rows_is_granted_no_more_than_others():
     class Rows(Wrapped):
         name = "rows"

@@ -28,7 +28,9 @@ from refkin.motion import Motion, Status
 
 from .fake_engines import engine_file
 
-NIGHT, SCENES, SAMPLES = 20261122, 56, 9
+NIGHT, SAMPLES = 20261122, 9
+SCENES = (*range(56), 111)
+"""The last is the first that has two drivers."""
 Fault = Callable[[Motion, Scene], Motion]
 
 
@@ -53,7 +55,7 @@ def right(scene: Scene) -> Motion:
 
 @cache
 def night() -> list[tuple[Any, dict[str, Any]]]:
-    drawn = [draw(NIGHT, number, SAMPLES) for number in range(SCENES)]
+    drawn = [draw(NIGHT, number, SAMPLES) for number in SCENES]
     return [(d.scene, describe(d)) for d in drawn]
 
 
@@ -193,6 +195,19 @@ def attainable(scene: Scene) -> Any:
     return sharpness.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
 
 
+def one_driver_drops(motion: Motion, scene: Scene) -> Motion:
+    """What the last driver's law curves by is left out of accelerations where there is another driver."""
+    if len(scene.mechanism.drivers) < 2:
+        return motion
+    ref = reference(scene)
+    system, (q, *_) = ref.system, ref.levels
+    curved = np.zeros((system.m, len(motion.t)))
+    curved[-1] = [scene.mechanism.drivers[-1].laws[0](t, 2) for t in motion.t]
+    off = np.linalg.solve(np.moveaxis(system.phi_q(q, motion.t), -1, 0), curved.T[..., None])[..., 0].T
+    rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
+    return replace(motion, qdd=motion.qdd - system.to_physical(off, 2)[rows])
+
+
 def every_other(motion: Motion, scene: Scene) -> Motion:
     """Half of the times are answered."""
     levels = {key: getattr(motion, key)[:, ::2] for key in ("q", "qd", "qdd")}
@@ -229,7 +244,17 @@ def growing(order: str) -> Fault:
     return fault
 
 
+def twice(motion: Motion, scene: Scene) -> Motion:
+    """The first body is answered for twice, the second time wrongly."""
+    rows = motion.kind.width
+    levels = {key: np.vstack([getattr(motion, key), 1.1 * getattr(motion, key)[:rows]]) for key in ("q", "qd", "qdd")}
+    return replace(motion, bodies=(*motion.bodies, motion.bodies[0]), **levels)
+
+
 FAULTS: dict[str, tuple[Fault, str]] = {
+    "without what a second driver's law curves by": (one_driver_drops, "beyond the allowed error"),
+    "a body twice": (twice, "not delivered"),
+    "times as a list": (lambda motion, scene: replace(motion, t=list(motion.t)), "not delivered"),
     "no velocity": (lambda motion, scene: replace(motion, qd=None), "not delivered"),
     "no acceleration": (lambda motion, scene: replace(motion, qdd=None), "not delivered"),
     "one body alone": (only_first_body, "not delivered"),
