@@ -19,7 +19,7 @@ from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import draw_law, moved
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
 from crosscheck.strategies.spans import Binned
-from refkin.joints import GROUND, AngleDriver, Gear
+from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import Branch, law_keys, rough
@@ -76,7 +76,7 @@ def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float 
     of_frame = moved(law, frames.apart(GROUND, plan.driven))
     joints, drivers = plan.joints(frames), [AngleDriver(name="driver", body=plan.driven, **law_keys(of_frame))]
     if kind == "geared five-bar" and draw(st.booleans(), label="a motor for the gear"):
-        joints = [joint for joint in joints if not isinstance(joint, Gear)]
+        joints = [joint for joint in joints if joint.name != "mesh"]
         drivers.append(_draw_second(draw, start["second"][1] + frames.apart(GROUND, "second"), duration))
         kind = "five-bar with two drivers"
     pose = {body: frames.on_ground(place, body) for body, place in start.items()}
