@@ -116,7 +116,10 @@ def _inverse(size: int, *entries: float) -> tuple[Any, ...]:
         inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         raise ZeroDivisionError("a singular block") from None
-    return float(np.linalg.slogdet(matrix)[0]), float(1.0 / np.max(np.sum(np.abs(inverse), axis=1))), inverse
+    largest = float(np.max(np.sum(np.abs(inverse), axis=1)))
+    if not largest < math.inf:  # of entries beyond all numbers NumPy would warn whoever runs this
+        raise OverflowError("a block without a finite inverse")
+    return float(np.linalg.slogdet(matrix)[0]), 1.0 / largest, inverse
 
 
 def _apply(inverse: tuple[Any, ...], *right: float) -> list[float]:

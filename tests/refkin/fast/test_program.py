@@ -232,3 +232,11 @@ def test_a_block_inverted_for_one_mechanism_says_its_sign_its_size_and_its_inver
         assert np.max(np.abs(inverse @ matrix - np.eye(4))) < 1e-13
     with pytest.raises(ZeroDivisionError):
         single._inverse(2, 1.0, 2.0, 2.0, 4.0)
+
+
+def test_a_block_whose_entries_left_all_numbers_has_no_inverse_and_warns_nobody():
+    """A step that diverges does it: NumPy warned in a user's program."""
+    from refkin.fast.elimination import single
+
+    with pytest.raises(OverflowError, match="without a finite inverse"):
+        single._inverse(2, np.nan, 1.0, 0.0, np.nan)
