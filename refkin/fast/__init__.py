@@ -6,7 +6,6 @@
 `prepared`   a scene made ready for `attempt`, to be solved again and again
 `solve_many` many mechanisms of one topology, all at once
 `solve_large` one configuration of a mechanism with up to 100,000 coordinates
-`Colouring`  sparse Jacobians by differences
 `tape`       what `sweep` runs for a scene, to be printed; `legend` says what its numbers stand for
 ============ =======================================================================================================
 
@@ -14,21 +13,18 @@ All rest on the joints' own formulas. `sweep` and `solve_many` run them as a com
 reorders arithmetic and has sines of its own: so every pose is checked afterwards by the formulas themselves.
 """
 
-from refkin.fast.colouring import Colouring, pattern_of
 from refkin.fast.many import Many, Slice, solve_many
 from refkin.fast.prepare import legend, prepared, tape
 from refkin.fast.sparse import Large, SparseSystem, solve_large
 from refkin.fast.sweep import attempt, sweep
 
 __all__ = [
-    "Colouring",
     "Large",
     "Many",
     "Slice",
     "SparseSystem",
     "attempt",
     "legend",
-    "pattern_of",
     "prepared",
     "solve_large",
     "solve_many",

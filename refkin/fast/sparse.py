@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene, RefkinError
-from refkin.fast.colouring import Colouring
 from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
@@ -119,7 +118,7 @@ class SparseSystem:
         self._lay_out()
 
     def phi(self, q: Any, t: float) -> Any:
-        """Return the residual of q (n,) or (n, B)."""
+        """Return the residual of q (n,)."""
         return self._right(q, None, t, 0, "residual")
 
     def nu(self, q: Any, t: float) -> Any:
@@ -132,13 +131,15 @@ class SparseSystem:
 
     def phi_q(self, q: Any, t: float) -> Any:
         """Return the Jacobian at q (n,) as a csc_array, always with the same pattern."""
+        from scipy.sparse import csc_array  # here: importing SciPy's parts costs more than using them
+
         data = self._constants.copy()
         values = _Values(self.system, q, None)
         for group, places in zip(self.groups, self._places, strict=True):
             for place, (_, _, entry) in zip(places, self._entries(group, values, t), strict=True):
                 if not isinstance(entry, int):
                     data[place] = entry
-        return self.colouring.filled(data)
+        return csc_array((data, *self._pattern), shape=(self.system.n, self.system.n))
 
     def _entries(self, group: Group, values: _Values, t: float) -> Iterator[tuple[Any, Any, Any]]:
         """Yield rows, columns and values of the entries of a group that are not the integer 0; others are always 0."""
@@ -154,14 +155,11 @@ class SparseSystem:
 
     def _right(self, q: Any, qd: Any, t: float, order: int, formula: str) -> Any:
         values = _Values(self.system, q, qd)
-        out = np.zeros((self.system.m, *np.shape(q)[1:]), np.result_type(q, float))
+        out = np.zeros(self.system.m)
         for group in self.groups:
             at = [values.at(start) for start in group.starts]
-            g = tuple(x[:, None] for x in group.g) if out.ndim == 2 else group.g
             f = group.given(at[-1], t, order)
-            if out.ndim == 2:
-                f = tuple(tuple(x[:, None] if x.ndim == 1 else x for x in law) for law in f)
-            for row, value in zip(group.rows, getattr(group.formulas, formula)(g, f, *at), strict=True):
+            for row, value in zip(group.rows, getattr(group.formulas, formula)(group.g, f, *at), strict=True):
                 out[row] = value
         return out
 
@@ -182,7 +180,7 @@ class SparseSystem:
         place[order.data.astype(int) - 1] = np.arange(len(rows))
         each = iter(np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1]))
         self._places = [[next(each) for _ in of_group] for of_group in by_group]
-        self.colouring = Colouring(order)
+        self._pattern = order.indices, order.indptr
         self._constants = np.zeros(len(rows))
         for places, of_group in zip(self._places, by_group, strict=True):
             for at, (_, _, entry) in zip(places, of_group, strict=True):
@@ -190,10 +188,10 @@ class SparseSystem:
 
 
 class _Values:
-    """The values of bodies and parameters at q (n,) or (n, B), gathered for a group; cosines are taken once."""
+    """The values of bodies and parameters at q (n,), gathered for a group; cosines are taken once."""
 
     def __init__(self, system: System, q: Any, qd: Any) -> None:
-        self.bodies, self.q, self.qd = system.of_bodies, np.asarray(q), qd
+        self.bodies, self.q, self.qd = system.of_bodies, q, qd
         self.c, self.s = (np.empty_like(self.q) for _ in range(2))
         at = system.angles
         self.c[at], self.s[at] = cosine_and_sine(self.q[at])
@@ -238,24 +236,20 @@ def solve_large(scene: Scene) -> Large:
                 break
         lu = factors(sparse.phi_q(q, t))
     except SingularFactor:
-        return Large(
-            Status.NOT_CONVERGED, None, None, None, float(np.max(np.abs(residual))), np.inf, np.inf, tuple(steps)
-        )
+        off = float(np.max(np.abs(residual)))
+        return Large(Status.NOT_CONVERGED, None, None, None, off, np.inf, np.inf, tuple(steps))
     size = float(np.max(np.abs(residual)))
     closes = size <= ROUND_OFF * scale and steps[-1] <= ENOUGH * scale and contracts(steps)
     norm = inverse_norm(lu, len(q))
     h = LIPSCHITZ * norm * float(np.max(np.abs(lu.solve(residual))))
     status = Status.NOT_CONVERGED if not closes else Status.OK if h <= LARGEST_H else Status.SINGULAR
-    qd = qdd = None
-    if status is Status.OK and sparse.system.effects:
-        qd = lu.solve(sparse.nu(q, t))
-        if Effect.ACCELERATION in sparse.system.effects:
-            qdd = lu.solve(sparse.gamma(q, qd, t))
-    levels: list[Any] = [None, None, None]
-    for order, level in enumerate((q, qd, qdd)):
-        if closes and level is not None:
-            levels[order] = sparse.system.to_physical(level, order)
-    return Large(status, levels[0], levels[1], levels[2], size, norm, h, tuple(steps))
+    levels = [q, None, None] if closes else [None] * 3
+    if status is Status.OK and system.effects:
+        levels[1] = lu.solve(sparse.nu(q, t))
+        if Effect.ACCELERATION in system.effects:
+            levels[2] = lu.solve(sparse.gamma(q, levels[1], t))
+    physical = (None if level is None else system.to_physical(level, order) for order, level in enumerate(levels))
+    return Large(status, *physical, size, norm, h, tuple(steps))
 
 
 def factors(matrix: Any) -> Any:
