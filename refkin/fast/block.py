@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -222,17 +223,14 @@ class Block:
                 self.helpers[sample] = self._helper(sample)
             march = self.helpers[sample]
             levels = self.history[:, :, sample].tolist()
-            poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in self._known()]
+            known = enumerate(self.times, start=2 - len(self.times))  # the last two times, or the only one
+            poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in known]
             path = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
             if path is None:
                 self.codes[sample] = LOST
                 continue
             for row, x in zip(self.space.core(), path[-1].levels[0], strict=True):
                 row[sample] = x
-
-    def _known(self) -> list[tuple[int, float]]:
-        """Return where in the history the last two times are, or the only one, and those times."""
-        return list(enumerate(self.times, start=2 - len(self.times)))
 
     def _helper(self, sample: int) -> March:
         """Return what marches one sample alone."""
@@ -248,9 +246,7 @@ class Block:
         def profile(constraint: int, order: int, s: float) -> float:
             return float(constraints[constraint].profile_values(s, unit, order)[order])
 
-        def extrema(a: float, b: float) -> list[float]:
-            return extrema_of(constraints, a, b)
-
+        extrema = partial(extrema_of, constraints)
         march = March(single, single.prepare(numbers), laws, profile, extrema, MOST_STEPS_ALONE)
         march.signs = tuple(self.signs[:, sample].tolist())
         return march

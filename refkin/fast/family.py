@@ -94,8 +94,12 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
     if size == 0:
         raise InvalidScene([Fault("geometry", 0, "at least one mechanism")])
     unit = _unit(constraints, size)
+
+    def full_row(x: Any) -> Any:
+        return x if isinstance(x, float) else np.broadcast_to(np.asarray(x, float), (size,))
+
     placed = tuple(
-        replace(p, constraint=c, g=tuple(_plain_row(x, size) for x in c.constants(unit)))
+        replace(p, constraint=c, g=tuple(map(full_row, c.constants(unit))))
         for p, c in zip(system.placed, constraints, strict=True)
     )
     full = {name: None if x is None else np.broadcast_to(x, (3, size)) for name, x in given.items()}
@@ -139,10 +143,6 @@ def _cut(value: Any, samples: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value[samples] if value.ndim and len(value) > 1 else value
     return by_parts(value, lambda part: _cut(part, samples)) if has_rows(value) else value
-
-
-def _plain_row(x: Any, size: int) -> Any:
-    return x if isinstance(x, float) else np.broadcast_to(np.asarray(x, float), (size,))
 
 
 def _unit(constraints: tuple[Constraint, ...], size: int) -> Unit:

@@ -208,7 +208,7 @@ class Guesses:
         """March again, in a quarter of the step, between the poses around times; False if that leads elsewhere."""
         if len(self.poses) == 1:
             return False
-        for k in np.unique(self._interval(t))[::-1].tolist():
+        for k in np.unique(self.t[1:-1].searchsorted(t, side="right"))[::-1].tolist():
             last = self.poses[k + 1]
             between = march.to(last.t, self.poses[k], h=(last.t - self.poses[k].t) / 4)
             if between is None:
@@ -218,9 +218,6 @@ class Guesses:
             self.poses[k + 1 : k + 2] = between
         self._fit()
         return True
-
-    def _interval(self, t: Any) -> Any:
-        return self.t[1:-1].searchsorted(t, side="right")
 
 
 def predicted(t: float, last: Pose, before: Pose | None) -> tuple[list[float], list[float]]:

@@ -102,22 +102,14 @@ class _Task:
         """Whether the steps that their ends say too little of are proved, as the reference's are."""
         loops, t = len(self.march.signs) > 1, self.t
         if loops:  # one may move another: it is seen at the marched poses, too
-            t, q = self._with_marched(q, poses)
+            known = set(self.scene.times)
+            between = [p for p in poses if p.t not in known]
+            whole = [self._advanced(p.levels[0], self._laws_at(p.t, self.made.whole), 1).levels[0] for p in between]
+            t = np.append(t, [p.t for p in between])
+            q, order = np.column_stack([q, *whole]), np.argsort(t)
+            t, q = t[order], q[:, order]
         steps = unseen(self.system, t, q, loops=loops)
         return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
-
-    def _with_marched(self, q: Any, poses: list[Pose]) -> tuple[Any, Any]:
-        """Return the times and poses of samples and, between them, of marched poses, in order."""
-        known = set(self.scene.times)
-        between = [p for p in poses if p.t not in known]
-        t = np.append(self.t, [p.t for p in between])
-        q = np.concatenate([q, *(self._whole(p)[:, None] for p in between)], axis=1)
-        order = np.argsort(t)
-        return t[order], q[:, order]
-
-    def _whole(self, pose: Pose) -> Any:
-        """Return all coordinates (n,) of a marched pose."""
-        return np.array(self._advanced(pose.levels[0], self._laws_at(pose.t, self.made.whole), 1).levels[0])
 
     def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> Answer:
         """Return what at most so many steps of Newton make of core coordinates, number by number."""

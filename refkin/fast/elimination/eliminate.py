@@ -103,8 +103,8 @@ class Elimination:
         self.traced = traced
         self.q = self._coordinates()
         self.slope = [{c: substitute(x, self.known) for c, x in row.items()} for row in traced.phi_q]
-        self.total = self._total_derivatives()
-        self.matrix = [self._reduced(r) for r in self.open_rows]
+        total = self._total_derivatives()
+        self.matrix = [_chained(self.slope[r], total, 1) for r in self.open_rows]
         self.matched, groups = blocks_of(self.matrix, self.core)
         self.groups = [self._factored(group) for group in groups]
 
@@ -148,9 +148,6 @@ class Elimination:
             others = {c: x for c, x in self.slope[pivot.row].items() if c != pivot.coordinate}
             total[pivot.coordinate] = _chained(others, total, -pivot.sign)
         return total
-
-    def _reduced(self, row: int) -> Row:
-        return _chained(self.slope[row], self.total, 1)
 
     def _factored(self, group: Sequence[int]) -> tuple[list[int], list[int], Factored]:
         columns = sorted(group)

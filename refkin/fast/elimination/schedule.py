@@ -177,14 +177,11 @@ class _Scheduler:
             if not shares:
                 pool.release(symbol.args, uses)
         pool.forget()
-        return (*out, *self._copies(targets))
-
-    def _copies(self, targets: Mapping[Symbol, list[int]]) -> Iterable[Instruction]:
-        """Yield copies for what is wanted in several places, or was there before."""
         for symbol, rows in targets.items():
-            for row in rows:
+            for row in rows:  # what is wanted in several places, or was there before
                 if self.at[symbol] != Register("w", row):
-                    yield Instruction("copy", Register("w", row), (self.at[symbol],))
+                    out.append(Instruction("copy", Register("w", row), (self.at[symbol],)))
+        return tuple(out)
 
     def _instruction(self, symbol: Symbol, out: Register) -> Instruction:
         return Instruction(symbol.op, out, tuple(self.at[a] for a in symbol.args), symbol.value)

@@ -54,18 +54,16 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
         The n rows to trace: all, or independent ones where there are more.
     """
     graph = Graph()
-    geometry = [_geometry(graph, k, numbers) for k, numbers in enumerate(known)]
+    geometry = [
+        tuple(graph.input("g", k, m) if x is None else graph.constant(x) for m, x in enumerate(numbers))
+        for k, numbers in enumerate(known)
+    ]
     symbolic = symbolic_system(system, graph, geometry, held=held)
     q, qd = (coordinates(graph, kind, system.n) for kind in ("q", "qd"))
-    slope = symbolic.phi_q(q, 0.0)[list(rows)]
-    lifted = [[graph.lift(x) for x in row] for row in slope]
-    return Traced(
-        graph,
-        phi=_lifted(graph, symbolic.phi(q, 0.0), rows),
-        phi_q=[{c: x for c, x in enumerate(row) if not x.zero} for row in lifted],
-        nu=_lifted(graph, symbolic.nu(q, 0.0), rows),
-        gamma=_lifted(graph, symbolic.gamma(q, qd, 0.0), rows),
-    )
+    slope = [list(map(graph.lift, row)) for row in symbolic.phi_q(q, 0.0)[list(rows)]]
+    right = symbolic.phi(q, 0.0), symbolic.nu(q, 0.0), symbolic.gamma(q, qd, 0.0)
+    phi, nu, gamma = ([graph.lift(values[row]) for row in rows] for values in right)
+    return Traced(graph, phi, [{c: x for c, x in enumerate(row) if not x.zero} for row in slope], nu, gamma)
 
 
 def known_of(geometry: Sequence[Sequence[Any]]) -> Known:
@@ -77,11 +75,3 @@ def _known(x: Any) -> float | None:
     if isinstance(x, float):
         return STRUCTURE.get(x)
     return next((n for n in STRUCTURE if np.all(x == n)), None)
-
-
-def _geometry(graph: Graph, k: int, known: Sequence[float | None]) -> tuple[Symbol, ...]:
-    return tuple(graph.input("g", k, m) if x is None else graph.constant(x) for m, x in enumerate(known))
-
-
-def _lifted(graph: Graph, values: Any, rows: Sequence[int]) -> list[Symbol]:
-    return [graph.lift(values[row]) for row in rows]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 from typing import Any, cast
 
@@ -22,7 +23,7 @@ from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBran
 from refkin.proof.assembly.dyads import across, certain_miss, point_rows
 from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
-from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
+from refkin.proof.assembly.rows import PointRow, RowKind, read_rows
 from refkin.proof.assembly.search import Assemblies, by_search, closes, coordinates, none_of, search
 from refkin.proof.assembly.spatial import assemblies_in_space
 from refkin.system import System
@@ -60,7 +61,12 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
             return none_of(placement.ends)
         if len(scheme.groups) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
-        return _searched(system, t, rows, bool(placement.stuck), trying)
+        if (end := _open_loop(rows.rows, system.unit.size)) is not None:
+            return none_of([end])
+        if rows.foreign and not trying:
+            return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
+        why = "the outer joints of a dyad coincide, or its lines are parallel" if placement.stuck else ""
+        return search(system, t, rows, why)
 
 
 def _in_space(system: System, t: float, trying: bool) -> Assemblies:
@@ -98,16 +104,6 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     )
 
 
-def _searched(system: System, t: float, rows: AssemblyRows, stuck: bool, trying: bool) -> Assemblies:
-    """Return what a search finds, or proves."""
-    end = _open_loop(rows.rows, system.unit.size)
-    if end is not None:
-        return none_of([end])
-    if rows.foreign and not trying:
-        return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
-    return search(system, t, rows, "the outer joints of a dyad coincide, or its lines are parallel" if stuck else "")
-
-
 def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]:
     """Return a branch's coordinates as floats, and how far they may be from the true ones.
 
@@ -135,7 +131,9 @@ def _open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
         for name, x in lengths:
             others = sum((y for _, y in lengths), arb(0)) - x
             if x > others:
-                return DeadEnd(x - others, lambda n=name, x=x, y=others: _words(n, x * size, y * size))  # type: ignore[misc]
+                long, rest = (float((length * size).mid()) for length in (x, others))
+                words = f"{name} is longer ({long:.6g} m) than the rest of its loop ({rest:.6g} m): no angle closes it"
+                return DeadEnd(x - others, partial(str, words))
     return None
 
 
@@ -157,20 +155,10 @@ def _loose_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
         if axis_j is not None:
             apart, others = abs(apart - across(out, axis_j)), others - length(out)
         if apart > others:
-            return DeadEnd(apart - others, lambda n=line.name, x=apart * size, y=others * size: _beside(n, x, y))  # type: ignore[misc]
+            wide, rest = (float((length * size).mid()) for length in (apart, others))
+            ways = f"its loop is {wide:.6g} m wide, the rest of it {rest:.6g} m long: no shift closes it"
+            return DeadEnd(apart - others, partial(str, f"across the axis of {line.name} {ways}"))
     return None
-
-
-def _beside(name: str, x: Ball, others: Ball) -> str:
-    wide, rest = float(x.mid()), float(others.mid())
-    return (
-        f"across the axis of {name} its loop is {wide:.6g} m wide, the rest of it {rest:.6g} m long: no shift closes it"
-    )
-
-
-def _words(name: str, x: Ball, others: Ball) -> str:
-    long, rest = float(x.mid()), float(others.mid())
-    return f"{name} is longer ({long:.6g} m) than the rest of its loop ({rest:.6g} m): no angle closes it"
 
 
 Passage = tuple[PointRow, str, str]

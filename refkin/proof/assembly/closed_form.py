@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from flint import arb
 
@@ -11,7 +12,7 @@ from refkin.joints import GROUND
 from refkin.proof.assembly.group_poses import GroupPose, Link, Move, joined, located
 from refkin.proof.assembly.loci import Ball, Meeting, length
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, Closure, Relation, RelationForm, Step
-from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows, PointRow, RowKind
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
 from refkin.vec import Vec
 
 MOST_BRANCHES = 256
@@ -99,13 +100,11 @@ def _orientations(rows: AssemblyRows, bodies: tuple[str, ...]) -> tuple[dict[str
                     angles[there] = angle
                     waiting.append(there)
                 elif not (angle - angles[there]).contains(0):
-                    return {}, _disagreement(relative, abs(angle - angles[there]))
+                    gap = abs(angle - angles[there])
+                    words = f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off"
+                    return {}, DeadEnd(gap, partial(str, words))
     zero = arb(0)
     return {b: GroupPose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
-
-
-def _disagreement(relative: AngleConstraint, gap: Ball) -> DeadEnd:
-    return DeadEnd(gap, lambda: f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off")
 
 
 class _Worker:
@@ -173,12 +172,10 @@ class _Worker:
             row = self._row(k, branch)
             gap = _missing(row, branch.poses)
             if gap > 0:
-                placement.ends.append(self._cannot_close(row, gap))
+                words = f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}"
+                placement.ends.append(DeadEnd(gap, partial(str, words)))
                 return True
         return False
-
-    def _cannot_close(self, row: PointRow, gap: Ball) -> DeadEnd:
-        return DeadEnd(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
 
     def _cannot_meet(self, step: Step, closure: Closure, meeting: Meeting, branch: PlacedBranch) -> DeadEnd:
         def words() -> str:

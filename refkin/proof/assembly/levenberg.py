@@ -80,7 +80,7 @@ def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], 
             if correction is None:
                 return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k)
             too_small = np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q)))
-            if too_small or _is_flat(gradient, diagonal, residual):
+            if too_small or np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)):
                 return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k)
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):
@@ -104,10 +104,6 @@ def _correction(slope: Any, residual: Any, weight: Any) -> Any:
         return np.linalg.lstsq(stacked, -np.concatenate([residual, np.zeros(len(weight))]), rcond=None)[0]
     except np.linalg.LinAlgError:
         return None
-
-
-def _is_flat(gradient: Any, diagonal: Any, residual: Any) -> bool:
-    return bool(np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)))
 
 
 def _largest(residual: Any) -> float:

@@ -29,7 +29,7 @@ from functools import lru_cache
 from itertools import combinations
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
+from refkin.proof.assembly.rows import AssemblyRows, RowKind
 
 AnglePairs = tuple[tuple[str, str], ...]
 """The pairs of bodies whose angle against each other is given."""
@@ -112,7 +112,8 @@ class _Item:
 def plan(rows: AssemblyRows, bodies: Iterable[str]) -> AssemblyPlan:
     """Return the steps that put a mechanism together as far as they can."""
     relative_angles = tuple((relative.i, relative.j) for relative in rows.relative_angles)
-    return _plan(tuple(_item(k, row) for k, row in enumerate(rows.rows)), relative_angles, (GROUND, *bodies))
+    items = (_Item(r.kind, r.i, r.j, (r.key_i, r.key_j), frozenset({k})) for k, r in enumerate(rows.rows))
+    return _plan(tuple(items), relative_angles, (GROUND, *bodies))
 
 
 @lru_cache(maxsize=256)
@@ -237,15 +238,11 @@ class _Structure:
             yield Relation(RelationForm.DIRECT, item.kind, k, k, line_on_b, item.uses)
         for c in self.joined[a]:
             if c is not b and b in self.joined[c]:
-                yield from self._links(a, c, b)
+                for first, second, uses in self._both(a, c, b):
+                    if self.items[second].kind is RowKind.PIN:  # c keeps the distance of its pins to a and to b
+                        yield Relation(RelationForm.LINK, RowKind.DISTANCE, first, second, False, uses)
                 yield from self._slides(a, c, b, line_on_b=True)
                 yield from self._slides(b, c, a, line_on_b=False)
-
-    def _links(self, a: Group, c: Group, b: Group) -> Iterator[Relation]:
-        """Yield the distances that c keeps between its pins to a and to b."""
-        for first, second, uses in self._both(a, c, b):
-            if self.items[second].kind is RowKind.PIN:
-                yield Relation(RelationForm.LINK, RowKind.DISTANCE, first, second, False, uses)
 
     def _slides(self, a: Group, c: Group, b: Group, line_on_b: bool) -> Iterator[Relation]:
         """Yield what a line or distance of c and b says of a, which is pinned to c; c has the orientation of b."""
@@ -261,10 +258,6 @@ class _Structure:
                 one, two = self.items[first], self.items[second]
                 if one.kind is RowKind.PIN and not one.uses & two.uses:
                     yield first, second, one.uses | two.uses
-
-
-def _item(k: int, row: PointRow) -> _Item:
-    return _Item(row.kind, row.i, row.j, (row.key_i, row.key_j), frozenset({k}))
 
 
 def _sufficient(relations: list[Relation], same_orientation: bool) -> tuple[Closure, ...]:

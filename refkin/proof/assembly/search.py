@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -157,7 +158,7 @@ class _Search:
         for width in () if self.exhausted else WIDTHS:
             intervals.halve(width)
             self._try(intervals.middles(MOST_STARTS))
-            intervals.forget_known()
+            intervals.open = [part for part in intervals.open if not intervals.done(part)]
             if not intervals.open or self.exhausted:
                 break
         if not intervals.open:
@@ -272,20 +273,17 @@ class _Intervals:
         """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
         while self.open and self.width > width and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS:
             self.looked_at += 2 * len(self.open)
-            halves = [half for low, high in self.open for half in _halves(low, high)]
-            self.open = [part for part in halves if not self._done(part)]
+            halves = [half for low, high in self.open for half in pairwise((low, (low + high) / 2, high))]
+            self.open = [part for part in halves if not self.done(part)]
             self.width /= 2
-
-    def forget_known(self) -> None:
-        """Drop the intervals that hold no assembly but known ones."""
-        self.open = [part for part in self.open if not self._done(part)]
 
     def middles(self, most: int) -> tuple[tuple[float], ...]:
         """Return the middles of the open intervals: all, or some evenly."""
         step = -(-len(self.open) // most) or 1
         return tuple(((low + high) / 2,) for low, high in self.open[::step])
 
-    def _done(self, part: tuple[float, float]) -> bool:
+    def done(self, part: tuple[float, float]) -> bool:
+        """Whether an interval holds no assembly but known ones."""
         placement = self.search.placed((interval(*part),))
         if placement.stuck or placement.truncated:
             return False
@@ -305,11 +303,6 @@ class _Intervals:
             if off <= known.alone:
                 return True
         return False
-
-
-def _halves(low: float, high: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    middle = (low + high) / 2
-    return (low, middle), (middle, high)
 
 
 def radical_inverse(k: int, base: int) -> float:
