@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import Driver, Kind
+from refkin.joints import Kind
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion, kind_of
 from refkin.motion_laws import Polynomial
@@ -202,23 +202,35 @@ def follow(
     ValueError
         If a system is given without a pose to start from.
     """
-    continuation = _Continuation(recentred(compile_system(given.mechanism, unit=given.mechanism.unit())))
+    system = compile_system(given.mechanism, unit=given.mechanism.unit())
     message, limits = "", until or (-math.inf, math.inf)
     if isinstance(start, Bifurcation):
-        q, t = continuation.frames.system.to_unit(start.q), start.t
+        q, t = system.to_unit(start.q), start.t
     elif start is not None:
-        q, t = continuation.frames.system.to_unit(np.asarray(start[0], float)), float(start[1])
+        q, t = system.to_unit(np.asarray(start[0], float)), float(start[1])
     elif isinstance(given, Scene):
-        first = find_start(continuation.frames.system, given)
+        first = find_start(system, given)
         q, t, message = first.q, given.times[0], first.message
         if until is None and len(given.times) > 1:
             limits = given.times[0], given.times[-1]
     else:
         raise ValueError("a system alone does not say where to start: give (q, t)")
+    frames = recentred(system)
     if q is None:
-        return continuation.path(Trace(), message)
+        return _Continuation(frames, None).path(Trace(), message)
+    q = frames.inward(q)
+    curve = Curve.through(frames.inner, q, np.linspace(*limits, 9) if np.isfinite(limits).all() else [t])
+    continuation, unit = _Continuation(frames, curve), curve.scale[-1]
+    endless = bool(np.isinf(limits).all()) and _is_driven_angle(system.mechanism)
+    tracer = Tracer(curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
+
+    def chooser(number: int, branch_point: Crossing, incoming: Any) -> Any:
+        tangent = choose(continuation.bifurcation(number, branch_point, incoming)) if choose else None
+        return None if tangent is None else continuation.inward(tangent, branch_point.x[:-1])
+
     with said_if_long("following a path"):
-        trace = continuation.trace(q, t, limits, along, direction, choose, max_step, most_points)
+        vector = None if along is None else continuation.inward(along, q)
+        trace = tracer.run(curve.point(q, t), vector, direction, chooser)
         return continuation.path(trace, message)
 
 
@@ -244,47 +256,8 @@ def driven_by(scene: Scene, driver: str) -> Scene:
 class _Continuation:
     """Points of the curve in moved frames and units, as poses [m, rad] of the mechanism, and back."""
 
-    def __init__(self, frames: Recentred) -> None:
-        self.frames = frames
-        self.curve: Any = None
-
-    def trace(
-        self,
-        q: Any,
-        t: float,
-        limits: tuple[float, float],
-        along: Tangent | None,
-        direction: int,
-        choose: Choice | None,
-        max_step: float,
-        most_points: int,
-    ) -> Trace:
-        """Trace the curve from a pose in the system's coordinates.
-
-        Parameters
-        ----------
-        q : (n,) array
-            The first pose, in the system's coordinates, at t.
-        t : float
-            Its time [s], or the value that t stands for.
-        limits : tuple of float
-            The range in which t stays.
-        along, direction, choose, max_step, most_points
-            As for `follow`.
-        """
-        inner = self.frames.inward(q)
-        times = np.linspace(*limits, 9) if np.isfinite(limits).all() else [t]
-        self.curve = Curve.through(self.frames.inner, inner, times)
-        unit = self.curve.scale[-1]
-        endless = bool(np.isinf(limits).all()) and _is_driven_angle(self.frames.system.mechanism)
-        tracer = Tracer(self.curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
-        vector = None if along is None else self.inward(along, inner)
-
-        def chooser(number: int, branch_point: Crossing, incoming: Any) -> Any:
-            tangent = choose(self.bifurcation(number, branch_point, incoming)) if choose else None
-            return None if tangent is None else self.inward(tangent, branch_point.x[:-1])
-
-        return tracer.run(self.curve.point(inner, t), vector, direction, chooser)
+    def __init__(self, frames: Recentred, curve: Any) -> None:
+        self.frames, self.curve = frames, curve
 
     def pose(self, x: Any) -> tuple[Any, float]:
         """Return q [m, rad] and t of a point."""
@@ -315,6 +288,8 @@ class _Continuation:
         q = np.array([pose[0] for pose in poses]).reshape(len(poses), system.n).T
         t = np.array([pose[1] for pose in poses])
         residual, radius = _evidence(system, q, t)
+        driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
+        own = (f"{d.name} [{'rad' if d.type == ANGLE else 'm'}]" for d in driven)
         return Path(
             t=t,
             q=q[: system.of_bodies],
@@ -326,7 +301,7 @@ class _Continuation:
             bifurcations=tuple(self.bifurcation(*branch_point) for branch_point in trace.crossings),
             end=trace.end,
             message="; ".join(filter(None, (message, str(trace.end)))),
-            parameter=next((_with_unit(d) for d in system.mechanism.drivers if d.law is _ITSELF), "t [s]"),
+            parameter=next(own, "t [s]"),
         )
 
     def directions(self, trace: Trace) -> list[Any]:
@@ -340,10 +315,6 @@ class _Continuation:
             else:
                 vectors.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
         return vectors
-
-
-def _with_unit(driver: Driver) -> str:
-    return f"{driver.name} [{'rad' if driver.type == ANGLE else 'm'}]"
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:
