@@ -39,7 +39,7 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Any:
     samples = block_samples(proof.program)
     for start in range(0, len(t), samples):
         at = slice(start, min(start + samples, len(t)))
-        with proof.spaces.workspace(at.stop - at.start) as space:
+        with proof.workspace(at.stop - at.start) as space:
             space.give_geometry(geometry)
             given = {k: [[x[at] for x in orders] for orders in law] for k, law in laws.items()}
             bounds[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})

@@ -15,7 +15,7 @@ from typing import Any
 
 from refkin.fast.elimination.eliminate import Eliminated, NotReducible, eliminate
 from refkin.fast.elimination.program import Program
-from refkin.fast.elimination.prove import Proof, proof_of
+from refkin.fast.elimination.prove import proof_of
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.single import Single, compile_single
@@ -48,7 +48,7 @@ class Compiled:
     depends: dict[int, set[int]]
     system: System
     known: Known
-    _proofs: dict[Known, Proof | None] = field(default_factory=dict)
+    _proofs: dict[Known, Workspaces | None] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -83,7 +83,7 @@ class Compiled:
         program = schedule(self.solved, self.graph, [range(self.n)] * self.levels, half_angles=False)
         return compile_single(program, range(self.n))
 
-    def proof(self, zeros: Known) -> Proof | None:
+    def proof(self, zeros: Known) -> Workspaces | None:
         """Return the certificate of answers on all called-for levels; None if a program cannot give it.
 
         Parameters

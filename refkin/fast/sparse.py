@@ -248,8 +248,8 @@ def solve_large(scene: Scene) -> Large:
         levels[1] = lu.solve(sparse.nu(q, t))
         if Effect.ACCELERATION in system.effects:
             levels[2] = lu.solve(sparse.gamma(q, levels[1], t))
-    physical = (None if level is None else system.to_physical(level, order) for order, level in enumerate(levels))
-    return Large(status, *physical, size, norm, h, tuple(steps))
+    q, qd, qdd = (None if level is None else system.to_physical(level, order) for order, level in enumerate(levels))
+    return Large(status, q, qd, qdd, size, norm, h, tuple(steps))
 
 
 def factors(matrix: Any) -> Any:

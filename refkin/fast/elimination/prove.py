@@ -23,13 +23,10 @@ Nothing is taken from the program that solved: sines are the library's, coordina
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from refkin.errors import RefkinError
 from refkin.fast.elimination.eliminate import Eliminated, Elimination, NotReducible
-from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.trace import Known, Traced, trace
@@ -87,31 +84,20 @@ class Errors:
         raise NoBound(f"no bound of the error of {symbol.op}")
 
 
-@dataclass(frozen=True)
-class Proof:
-    """A program whose first level has gamma, then the largest radius of each given level.
+def proof_of(system: System, zeros: Known, levels: int) -> Workspaces | None:
+    """Return the certificate of a system with as many rows as coordinates; None if there is none by this means.
 
-    Inputs are, per constraint, geometry and then its errors; per law, `ORDERS` values and then their errors; and as the
-    laws of one more constraint the given levels.
+    It is a program whose first level has gamma, then the largest radius of each given level. Inputs are, per
+    constraint, geometry and then its errors; per law, `ORDERS` values and then their errors; and as the laws of one
+    more constraint the given levels.
     """
-
-    program: Program
-
-    @cached_property
-    def spaces(self) -> Workspaces:
-        """Workspaces of the program."""
-        return Workspaces(self.program)
-
-
-def proof_of(system: System, zeros: Known, levels: int) -> Proof | None:
-    """Return the certificate of a system with as many rows as coordinates; None if there is none by this means."""
     traced = trace(system, zeros, range(system.n), held=True)
     try:
         outputs = _Prover(system, traced, levels).outputs()
     except (NoBound, NotReducible):
         return None
     solution = Eliminated((), (), [], (outputs, [], []), [], [], {}, {})
-    return Proof(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False))
+    return Workspaces(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False))
 
 
 class _Prover:
