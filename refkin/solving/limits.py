@@ -101,7 +101,9 @@ class _Watch:
                 taken = time.monotonic() - begun.start
                 if taken >= begun.due:
                     begun.due = 2.0 * taken
-                    _say(f"{begun.what}: {taken:.0f} s so far")
+                    import logging  # what takes no time loads nothing for it
+
+                    logging.getLogger("refkin").warning(f"{begun.what}: {taken:.0f} s so far")
             self.thread = None
             if not self.begun:
                 return
@@ -120,9 +122,3 @@ def said_if_long(what: str) -> Iterator[None]:
         yield
     finally:
         del _WATCH.begun[id(begun)]
-
-
-def _say(message: str) -> None:
-    import logging  # what takes no time loads nothing for it
-
-    logging.getLogger("refkin").warning(message)

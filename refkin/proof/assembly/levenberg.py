@@ -43,7 +43,6 @@ class LeastSquares:
     status: NewtonStatus
     q: Any
     residual: float
-    iterations: int
 
     @property
     def converged(self) -> bool:
@@ -65,30 +64,30 @@ def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], 
     with np.errstate(all="ignore"):  # what leaves the numbers' range is no success
         residual = np.asarray(phi(q), float) if np.isfinite(q).all() else np.full(1, np.nan)
         if not np.isfinite(residual).all():
-            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0)
+            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan)
         diagonal, mu, slope = np.zeros(q.size), 1e-3, None
-        for k in range(MOST_TRIED):
+        for _ in range(MOST_TRIED):
             if is_round_off(residual, q):
-                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k)
+                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual))
             if slope is None:
                 slope = np.asarray(phi_q(q), float)
                 if not np.isfinite(slope).all():
-                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k)
+                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual))
                 diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
                 gradient = slope.T @ residual
             correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
             if correction is None:
-                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k)
+                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual))
             too_small = np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q)))
             if too_small or np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)):
-                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k)
+                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual))
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):
                 q, residual, slope, mu = q + correction, tried, None, mu * LOWER
             else:
                 mu *= RAISE
     status = NewtonStatus.CONVERGED if is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
-    return LeastSquares(status, q, _largest(residual), MOST_TRIED)
+    return LeastSquares(status, q, _largest(residual))
 
 
 def polished(fit: LeastSquares, by_newton: NewtonResult) -> Any:

@@ -273,7 +273,8 @@ class _Rounded:
         if not self.exact.laws:
             return ()
         values = t.values(self.exact, unit)
-        in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, scene_unit(unit))
+        # Numbers have the size that they have in a scene: subtracting the origin afterwards takes nothing away.
+        in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, Unit(unit.size))
         return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, in_scene, strict=True))
 
     def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
@@ -305,19 +306,11 @@ class _Rounded:
         return tuple(self.number.near(at, spread) for at, spread in zip(orders, own, strict=False))
 
 
-def scene_unit(unit: Unit) -> Unit:
-    """Return the unit in which numbers have the size that they have in a scene, and with it their rounding.
-
-    What is subtracted afterwards, the origin of a solve, takes none of that away.
-    """
-    return Unit(unit.size)
-
-
 def bounded_system(system: System, number: type[Bounded] = Bounded, error: InputError = EXACT) -> System:
     """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
 
     Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
-    value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `scene_unit`.
+    value and time also spreads by it (times of `order` 1 then serve order 0), by that of its size in the scene.
     Its gauge is that of the system.
 
     Parameters
@@ -341,7 +334,7 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
             if error is EXACT:  # zeros cost nothing so
                 g = tuple(int(float(x)) if x in (0, 1, -1) else number.near(parts(x)) for x in p.g)
             else:
-                in_scene = [float(x) for x in p.constraint.constants(scene_unit(system.unit))]
+                in_scene = [float(x) for x in p.constraint.constants(Unit(system.unit.size))]
                 g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, in_scene, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))

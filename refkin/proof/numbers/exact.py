@@ -152,7 +152,10 @@ class ExactSpline:
         return int(turn), min(max(count, 1), len(self.pieces)) - 1
 
     def _start(self, turn: int, k: int) -> Any:
-        return _rational(turn * self._length + Fraction(self.knots[k])) if turn else arb(self.knots[k])
+        if not turn:
+            return arb(self.knots[k])
+        start = turn * self._length + Fraction(self.knots[k])
+        return arb(start.numerator) / start.denominator
 
 
 def _ends(t: Any) -> tuple[Any, Any]:
@@ -169,10 +172,6 @@ def _ends(t: Any) -> tuple[Any, Any]:
     # The nearest floats of the ends, one step further out.
     low, high = float(ball.lower()), float(ball.upper())
     return math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
-
-
-def _rational(x: Fraction) -> Any:
-    return arb(x.numerator) / x.denominator
 
 
 def not_a_knot_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:

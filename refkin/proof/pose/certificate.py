@@ -27,7 +27,7 @@ S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -96,7 +96,7 @@ def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, row
         rates = [None if x is None else np.asarray(x, float)[:, at] for x in (qd, qdd)]
         with np.errstate(all="ignore"):  # a pose that leaves the numbers' range has no proof, which NaN says
             parts.append(_certify(system, rows, q[:, at], t[at], *rates))
-    return _joined(parts)
+    return _one_after_another(parts)
 
 
 def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Certificate:
@@ -168,17 +168,10 @@ def unique_within(system: System, rows: Any, q: Any, t: Any, position: Any) -> A
     return np.where((position <= reach) & (free > 0.0), free, np.nan)
 
 
-def _joined(parts: list[Certificate]) -> Certificate:
+def _one_after_another(parts: list[Certificate]) -> Certificate:
     """Return the certificates of consecutive blocks of samples as one."""
-    values: dict[str, Any] = {}
-    for field in fields(Certificate):
-        column = [getattr(part, field.name) for part in parts]
-        if field.name == "root":
-            values["root"] = Nearly(
-                *(np.concatenate(part, axis=-1) for part in zip(*map(astuple, column), strict=True))
-            )
-        elif field.name == "rows" or column[0] is None:
-            values[field.name] = column[0]
-        else:
-            values[field.name] = np.concatenate(column, axis=-1)
-    return Certificate(**values)
+    root = Nearly(*(np.concatenate(part, axis=-1) for part in zip(*(astuple(p.root) for p in parts), strict=True)))
+    columns = zip(*((p.ok, p.radii, p.velocity, p.acceleration) for p in parts), strict=True)
+    every = (None if column[0] is None else np.concatenate(column, axis=-1) for column in columns)
+    ok, radii, velocity, acceleration = every
+    return Certificate(ok, radii, velocity, acceleration, parts[0].rows, root)

@@ -84,7 +84,7 @@ def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any,
         at = asked[first : first + AT_A_TIME]
         rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
         moves = _Moves(system, proof.rows, q[:, at], t[at], rates)
-        away = moves.at_most() if combinations_of(system) > MOST_COMBINATIONS else moves.farthest()
+        away = moves.at_most() if math.comb(system.m, system.n) > MOST_COMBINATIONS else moves.farthest()
         with np.errstate(all="ignore"):
             share = away[0] / unique_within(system, proof.rows, q[:, at], t[at], proof.position[at])
             factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
@@ -122,18 +122,13 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
 
 
-def combinations_of(system: System) -> int:
-    """Return how many sets of n of the m rows there are."""
-    return math.comb(system.m, system.n)
-
-
 def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
     """Return the sets of n rows, other than the given one, that are independent at some pose; None if more than `most`.
 
     Some of the poses q (n, B) at times t (B,) are looked at.
     """
     others = np.delete(np.arange(system.m), rows)
-    if combinations_of(system) > MOST_COMBINATIONS:
+    if math.comb(system.m, system.n) > MOST_COMBINATIONS:
         return None
     some = np.unique(np.linspace(0, q.shape[1] - 1, LOOKED_AT).astype(int))
     factors = np.nan_to_num(_factors(system, rows, others, q[:, some], t[some]))

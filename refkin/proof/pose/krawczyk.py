@@ -154,7 +154,8 @@ def krawczyk(
     """
     system = system.held_at(q)
     with ctx.workprec(bits):
-        rows = independent_rows(system, *_one_sample(q, t)) if rows is None else rows
+        if rows is None:
+            rows = independent_rows(system, np.asarray(q, float)[:, None], np.array([float(t)]))
         equations = BallEquations(system, t, rows, bits)
         if radius is not None:
             around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
@@ -252,10 +253,6 @@ class BallEquations:
         identity = arb_mat(len(middle), len(middle), 1)
         image = (identity - inverse * self.slope(whole)) * column(widths) - inverse * self.phi(middle)
         return list(image.entries())
-
-
-def _one_sample(q: Any, t: float) -> tuple[Any, Any]:
-    return np.asarray(q, float)[:, None], np.array([float(t)])
 
 
 def objects(q: Any) -> Any:

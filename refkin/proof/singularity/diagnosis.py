@@ -115,16 +115,12 @@ def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:
     if not residual <= OPEN * size:
         raise ValueError(f"q is no pose at t = {t:g}: its largest scaled residual is {residual:.3g}")
     frames = recentred(system)
-    pose = _Examination(frames, _polished(frames.inner, frames.inward(q), t), t)
+    inner, polished = frames.inner, frames.inward(q)
+    for _ in range(3):  # to round-off, by the shortest corrections: Newton's may be long here
+        polished = polished - np.linalg.pinv(inner.phi_q(polished, t), rcond=VANISHING) @ inner.phi(polished, t)
+    pose = _Examination(frames, polished, t)
     # The test that gives a pose its status, of the same numbers: a polished pose may be alone where they leave it open.
     return pose.isolated() if isolate(system, q[:, None], [t]).ok[0] else pose.singular()
-
-
-def _polished(system: System, q: Any, t: float) -> Any:
-    """Return a pose with its residual at round-off, by the shortest corrections: Newton's may be long here."""
-    for _ in range(3):
-        q = q - np.linalg.pinv(system.phi_q(q, t), rcond=VANISHING) @ system.phi(q, t)
-    return q
 
 
 class _Examination:
@@ -141,20 +137,20 @@ class _Examination:
 
     def singular(self) -> Diagnosis:
         """Say which kind of singularity this is."""
-        vanishing = self._vanishing()
+        poses = self.q, elsewhere(self.system, self.q)
+        here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in poses)
+        vanishing = np.flatnonzero(here <= VANISHING * there)
         if vanishing.size:
-            return self._formulation(vanishing)
+            rows = self._names(vanishing)
+            what = "points that it holds apart coincide, or a tangent is zero"
+            return self._of(
+                PoseKind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows
+            )
         if self.all.rank(self.vanishing) == self.system.n:
             return self._of(PoseKind.HIGHER, "the pose is not proved to be alone, although phi_q has full rank")
         if self.mobility <= self.system.m - self.of_joints:
             return self._not_held()
         return self._mobile()
-
-    def _vanishing(self) -> Any:
-        """Return the rows whose gradient is small against what it is elsewhere."""
-        poses = self.q, elsewhere(self.system, self.q)
-        here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in poses)
-        return np.flatnonzero(here <= VANISHING * there)
 
     def _of(self, kind: PoseKind, message: str, **more: Any) -> Diagnosis:
         return Diagnosis(kind=kind, sigma=float(self.sigma), message=f"{kind.value}: {message}", **more)
@@ -179,11 +175,6 @@ class _Examination:
             return ""
         like = _Examination(self.frames, self.q, self.t, vanishing=max(VANISHING, 4 * float(self.sigma))).singular()
         return f"; it is nearly singular (sigma {self.sigma:.3g}), beside a pose of this kind: {like.message}"
-
-    def _formulation(self, vanishing: Any) -> Diagnosis:
-        rows = self._names(vanishing)
-        what = "points that it holds apart coincide, or a tangent is zero"
-        return self._of(PoseKind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows)
 
     def _not_held(self) -> Diagnosis:
         """The drivers do not hold what the joints allow."""
@@ -210,13 +201,14 @@ class _Examination:
         tangent_cone = cone(held, self.vanishing)
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
         who = {"rows": rows, "bodies": bodies}
-        more = f"the joints allow {_counted(self.mobility)} to first order"
+        more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"
         if tangent_cone.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
                 return self._of(PoseKind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
             return self._of(PoseKind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
         if len(tangent_cone.tangents) > 1:
-            tangents = tuple(self._outward(v) for v in tangent_cone.tangents)
+            rates = [self.frames.outward_rate(self.q, v) for v in tangent_cone.tangents]
+            tangents = tuple(self.frames.system.to_physical(r / np.max(np.abs(r)), order=1) for r in rates)
             some = f"{more}; to second order {len(tangents)} of them go on, and the path may take any"
             return self._of(PoseKind.BIFURCATION, some, tangents=tangents, **who)
         if tangent_cone.tangents:
@@ -244,10 +236,6 @@ class _Examination:
                     return words
         return ""
 
-    def _outward(self, direction: Any) -> Any:
-        rate = self.frames.outward_rate(self.q, direction)
-        return self.frames.system.to_physical(rate / np.max(np.abs(rate)), order=1)
-
     def _rows(self, null: Any) -> tuple[str, ...]:
         """Return the constraints with a part in null vectors (k, m)."""
         size = np.max(np.abs(null), axis=0, initial=0.0)
@@ -261,10 +249,6 @@ class _Examination:
         size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, self.system.kind.width).max(axis=1)
         names = [body.name for body in self.system.mechanism.bodies]
         return tuple(name for name, x in zip(names, size, strict=True) if x > INVOLVED * size.max() and name != GROUND)
-
-
-def _counted(motions: int) -> str:
-    return f"{motions} motion{'' if motions == 1 else 's'}"
 
 
 def _and(names: Any) -> str:
