@@ -220,14 +220,13 @@ def initial_contacts(system: Any, q: Any, t: float) -> Any:
         A pose at time t [s], or an estimate of one; its contact parameters are not looked at.
     """
     q = np.array(q, float)
+
+    def rows(p: Any, s: Any) -> Any:
+        poses = np.repeat(q[:, None], len(s), axis=1)
+        poses[p.starts[2]] = s
+        return system.phi(poses, t)[p.row : p.row + p.constraint.rows]
+
     for p in system.placed:
         if p.constraint.parameters:
-            q[p.starts[2]] = p.constraint.initial_contact(partial(_misses, system, p, q, t))
+            q[p.starts[2]] = p.constraint.initial_contact(partial(rows, p))
     return q
-
-
-def _misses(system: Any, p: Any, q: Any, t: float, s: Any) -> Any:
-    """Return the rows (rows, B) of one joint at one pose (n,) with contact parameters (B,)."""
-    poses = np.repeat(q[:, None], len(s), axis=1)
-    poses[p.starts[2]] = s
-    return system.phi(poses, t)[p.row : p.row + p.constraint.rows]

@@ -29,7 +29,11 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         yield from (*_name_faults(kind, items, taken[kind]), *_finite_faults(kind, tuple(items)))
     own, constraints = kind_of(m), _paths(m)
     for k, body in enumerate(bodies):
-        yield from _estimate_faults(f"body[{k}].estimate", body.estimate, own)
+        if (estimate := body.estimate) is not None:
+            path = f"body[{k}].estimate"
+            yield from _count_faults(path, estimate, own.width)
+            if len(estimate) == own.width and any(own.still) and not any(estimate[own.dimension :]):
+                yield Fault(path, list(estimate), "Euler parameters that are not all 0")
     known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
     for path, c in constraints:
         if c.kind is not own:
@@ -104,13 +108,6 @@ def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
     elif hasattr(item, "__dataclass_fields__"):
         for key in fields(item):
             yield from _finite_faults(f"{path}.{key.name}", getattr(item, key.name))
-
-
-def _estimate_faults(path: str, estimate: Sequence[float] | None, kind: Kind) -> Iterator[Fault]:
-    if estimate is not None:
-        yield from _count_faults(path, estimate, kind.width)
-        if len(estimate) == kind.width and any(kind.still) and not any(estimate[kind.dimension :]):
-            yield Fault(path, list(estimate), "Euler parameters that are not all 0")
 
 
 def _count_faults(path: str, numbers: Sequence[float], count: int) -> Iterator[Fault]:

@@ -35,18 +35,7 @@ from refkin.joints.spatial_elements import (
     TurnAboutAxis,
 )
 from refkin.joints.spatial_frames import across
-from refkin.joints.spatial_terms import (
-    Across,
-    Angle,
-    Crossed,
-    Guide,
-    Meet,
-    Span,
-    Term,
-    Thread,
-    Turn,
-    blocks_of,
-)
+from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, Term, Thread, Turn, blocks_of
 from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]

@@ -58,14 +58,10 @@ class AxesParallel(_OfAxes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxesPerpendicular(Element):
+class AxesPerpendicular(_OfAxes):
     """Two axes are perpendicular."""
 
     kind = "axes perpendicular"
-    body_i: str
-    axis_i: Triple
-    body_j: str
-    axis_j: Triple
 
 
 @dataclass(frozen=True, kw_only=True)

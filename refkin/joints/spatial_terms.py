@@ -71,17 +71,12 @@ class Term:
         """Return these numbers of a constraint."""
         return ()
 
-    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        raise NotImplementedError
-
-    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
-        raise NotImplementedError
+    residual: Any
+    jacobian: Any
+    gamma: Any
 
     def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         return (0,) * self.rows
-
-    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        raise NotImplementedError
 
 
 class Meet(Term):

@@ -61,7 +61,8 @@ class Part:
     def at(self, k: int) -> Iterator[Shape]:
         """Yield the shapes as they are seen at the k-th time that is shown."""
         for shape in self.shapes:
-            yield Shape(shape.role, seen(placed(self.poses[:, k], shape.points)), shape.radius)
+            pose = np.repeat(self.poses[:, [k]], shape.points.shape[1], axis=1)
+            yield Shape(shape.role, seen(point_motion(tuple(shape.points), pose).r), shape.radius)
 
 
 @dataclass(frozen=True)
@@ -213,11 +214,6 @@ class Drawing:
 def seen(points: Any) -> Any:
     """Return points (2, K) of a picture: those of the plane themselves, those of space by the view of `spatial`."""
     return VIEW @ points if len(points) == len(VIEW[0]) else points
-
-
-def placed(pose: Any, points: Any) -> Any:
-    """Return points (2, K) or (3, K) of a frame, which has the coordinates of a body, in the ground frame."""
-    return point_motion(tuple(points), np.repeat(np.asarray(pose)[:, None], points.shape[1], axis=1)).r
 
 
 def _points_of(scene: Scene, elements: list[Element]) -> dict[str, list[Any]]:

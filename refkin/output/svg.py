@@ -58,7 +58,11 @@ class _Sheet:
         points = [where(float(x), float(y)) for x, y in np.asarray(shape.points).T]
         style = STYLES[shape.role]
         if shape.role in ("velocity", "acceleration"):
-            self._arrow(points, style, parent)
+            (x0, y0), (x1, y1) = points
+            angle = math.atan2(y1 - y0, x1 - x0)
+            barbs = [(x1 - 8 * math.cos(angle + turn), y1 - 8 * math.sin(angle + turn)) for turn in (-0.4, 0.4)]
+            head = "".join(f"M{x1:.2f} {y1:.2f}L{x:.2f} {y:.2f}" for x, y in barbs)
+            ET.SubElement(parent, "path", {"d": f"M{x0:.2f} {y0:.2f}L{x1:.2f} {y1:.2f}{head}", **style})
         elif shape.role == "ground":
             (x, y) = points[0]
             ET.SubElement(parent, "path", {"d": f"M{x:.2f} {y:.2f}l-9 14h18z", **style})
@@ -70,13 +74,6 @@ class _Sheet:
             closed = "z" if shape.role in ("slider", "wheel") or (shape.role == "body" and len(points) > 2) else ""
             path = "M" + "L".join(f"{x:.2f} {y:.2f}" for x, y in points) + closed
             ET.SubElement(parent, "path", {"d": path, **style})
-
-    def _arrow(self, points: list[tuple[float, float]], style: dict[str, str], parent: ET.Element) -> None:
-        (x0, y0), (x1, y1) = points
-        angle = math.atan2(y1 - y0, x1 - x0)
-        barbs = [(x1 - 8 * math.cos(angle + turn), y1 - 8 * math.sin(angle + turn)) for turn in (-0.4, 0.4)]
-        head = "".join(f"M{x1:.2f} {y1:.2f}L{x:.2f} {y:.2f}" for x, y in barbs)
-        ET.SubElement(parent, "path", {"d": f"M{x0:.2f} {y0:.2f}L{x1:.2f} {y1:.2f}{head}", **style})
 
     def text(self) -> str:
         """Return the file."""

@@ -28,7 +28,7 @@ ROUGH = 9
 """Decimals that an estimate keeps: assemblies that are nearer to each other than that are not told apart."""
 
 
-def placed(r: Vec3, f: Vec3, h: Vec3) -> Place:
+def pose_of(r: Vec3, f: Vec3, h: Vec3) -> Place:
     """Return the coordinates of a body at r with its x axis along f and its z axis along h."""
     return (*r.parts, *parameters_of(f, h.cross(f), h))
 
@@ -36,12 +36,6 @@ def placed(r: Vec3, f: Vec3, h: Vec3) -> Place:
 def turned(f: Vec3, g: Vec3, angle: float) -> Vec3:
     """Return f turned towards g."""
     return f * math.cos(angle) + g * math.sin(angle)
-
-
-def along(v: Vec3) -> tuple[float, Vec3]:
-    """Return length and direction of a vector."""
-    length = math.hypot(*v.parts)
-    return length, v * (1 / length)
 
 
 def revolute(name: str, i: str, point: Triple, axis: Triple, zero: Triple, j: str, **more: Any) -> SpatialRevolute:

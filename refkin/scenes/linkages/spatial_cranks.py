@@ -12,15 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from refkin.joints import (
-    GROUND,
-    Constraint,
-    Cylindrical,
-    SpatialDistance,
-    SpatialPrismatic,
-    Triple,
-)
-from refkin.joints.spatial_frames import frame
+from refkin.joints import GROUND, Constraint, Cylindrical, SpatialDistance, SpatialPrismatic, Triple
+from refkin.joints.spatial_frames import frame, unit_vector
 from refkin.joints.spatial_vectors import Vec3
 from refkin.scenes.linkages.closures import DoesNotAssemble
 from refkin.scenes.linkages.spatial_base import (
@@ -30,8 +23,7 @@ from refkin.scenes.linkages.spatial_base import (
     X,
     Y,
     Z,
-    along,
-    placed,
+    pose_of,
     revolute,
     spherical,
     turned,
@@ -99,11 +91,11 @@ class RSSR(SpatialLinkage):
         f, g, h = frame(self.axis, None)
         x, arm = turned(Vec3(*X), Vec3(*Y), value), turned(f, g, self.output(value, sign))
         inner, outer = x * self.crank, Vec3(*self.pivot) + arm * self.rocker
-        yield "crank", placed(Vec3(*AT), x, Vec3(*Z))
+        yield "crank", pose_of(Vec3(*AT), x, Vec3(*Z))
         if not self.massless:
-            _, rod = along(outer - inner)
-            yield "coupler", placed(inner, rod, frame(rod.parts, None)[0])
-        yield "rocker", placed(Vec3(*self.pivot), arm, h)
+            rod = unit_vector((outer - inner).parts)
+            yield "coupler", pose_of(inner, rod, frame(rod.parts, None)[0])
+        yield "rocker", pose_of(Vec3(*self.pivot), arm, h)
 
 
 @dataclass(frozen=True)
@@ -136,15 +128,15 @@ class RSSRChain(SpatialLinkage):
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         one, arm = self.first, turned(Vec3(*X), Vec3(*Y), value)
-        yield "rocker0", placed(Vec3(*AT), arm, Vec3(*Z))
+        yield "rocker0", pose_of(Vec3(*AT), arm, Vec3(*Z))
         frames = list(self._frames())
         for k, (before, after) in enumerate(pairwise(frames), 1):
             inner = before[0] + arm * one.crank
             value = one.output(value, sign)
             arm = turned(after[1], after[2], value)
-            _, rod = along(after[0] + arm * one.rocker - inner)
-            yield f"coupler{k}", placed(inner, rod, frame(rod.parts, None)[0])
-            yield f"rocker{k}", placed(after[0], arm, after[3])
+            rod = unit_vector((after[0] + arm * one.rocker - inner).parts)
+            yield f"coupler{k}", pose_of(inner, rod, frame(rod.parts, None)[0])
+            yield f"rocker{k}", pose_of(after[0], arm, after[3])
 
 
 @dataclass(frozen=True)
@@ -183,10 +175,10 @@ class RSSP(SpatialLinkage):
         if half < -(2.0**-44) * self.rod**2:
             raise DoesNotAssemble(self, self.DRIVEN, value, math.hypot(*left.parts) - self.rod)
         pin = Vec3(*self.guide) + h * (ahead + sign * math.sqrt(max(half, 0.0)))
-        _, rod = along(pin - inner)
-        yield "crank", placed(Vec3(*AT), x, Vec3(*Z))
-        yield "rod", placed(inner, rod, frame(rod.parts, None)[0])
-        yield "slider", placed(pin, f, h)
+        rod = unit_vector((pin - inner).parts)
+        yield "crank", pose_of(Vec3(*AT), x, Vec3(*Z))
+        yield "rod", pose_of(inner, rod, frame(rod.parts, None)[0])
+        yield "slider", pose_of(pin, f, h)
 
 
 @dataclass(frozen=True)
@@ -226,7 +218,7 @@ class RSCR(SpatialLinkage):
         psi = math.atan2(q, p) + sign * self._cosine(value, reach / math.hypot(p, q))
         arm = turned(f, g, psi)
         origin = Vec3(*self.pivot) + arm * r + h * w.dot(h)
-        _, towards = along(inner - origin)
-        yield "crank", placed(Vec3(*AT), x, Vec3(*Z))
-        yield "coupler", placed(origin, towards, h)
-        yield "rocker", placed(Vec3(*self.pivot), arm, h)
+        towards = unit_vector((inner - origin).parts)
+        yield "crank", pose_of(Vec3(*AT), x, Vec3(*Z))
+        yield "coupler", pose_of(origin, towards, h)
+        yield "rocker", pose_of(Vec3(*self.pivot), arm, h)

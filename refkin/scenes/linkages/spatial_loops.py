@@ -23,9 +23,10 @@ from refkin.joints import (
     Triple,
     Universal,
 )
+from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, Vec3
 from refkin.motion_laws import Law, Sinusoid
-from refkin.scenes.linkages.spatial_base import AT, Place, SpatialLinkage, X, Y, Z, along, placed, revolute, turned
+from refkin.scenes.linkages.spatial_base import AT, Place, SpatialLinkage, X, Y, Z, pose_of, revolute, turned
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Loop(SpatialLinkage):
         angles = self.angles(value, sign)
         for k, ((length, twist), angle) in enumerate(zip(self.links[:-1], angles, strict=False), 1):
             f, g = turned(f, g, angle), turned(g, -f, angle)
-            yield f"link{k}", placed(r, f, h)
+            yield f"link{k}", pose_of(r, f, h)
             r = r + f * length
             g, h = turned(g, h, twist), turned(h, -g, twist)
 
@@ -131,9 +132,9 @@ class Hooke(SpatialLinkage):
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         pin = turned(Vec3(*X), Vec3(*Y), value)
         axis = Vec3(0.0, -math.sin(self.beta), math.cos(self.beta))
-        _, f = along(pin.cross(axis).cross(axis) * -1.0)  # the output's y axis is across both pin and axis
-        yield "input", placed(Vec3(*AT), pin, Vec3(*Z))
-        yield "output", placed(Vec3(*AT), f, axis)
+        f = unit_vector((pin.cross(axis).cross(axis) * -1.0).parts)  # the output's y axis is across both pin and axis
+        yield "input", pose_of(Vec3(*AT), pin, Vec3(*Z))
+        yield "output", pose_of(Vec3(*AT), f, axis)
 
 
 @dataclass(frozen=True)
@@ -174,13 +175,13 @@ class DoubleHooke(SpatialLinkage):
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         middle, last = self._axes
         pin = turned(Vec3(*X), Vec3(*Y), value)
-        _, f = along(pin.cross(middle).cross(middle) * -1.0)
+        f = unit_vector((pin.cross(middle).cross(middle) * -1.0).parts)
         g = middle.cross(f)
         fork = f * math.sin(self.phase) + g * math.cos(self.phase)
-        _, other = along(fork.cross(last))
-        yield "input", placed(Vec3(*AT), pin, Vec3(*Z))
-        yield "shaft", placed(Vec3(*AT), f, middle)
-        yield "output", placed(middle * self.length, other, last)
+        other = unit_vector(fork.cross(last).parts)
+        yield "input", pose_of(Vec3(*AT), pin, Vec3(*Z))
+        yield "shaft", pose_of(Vec3(*AT), f, middle)
+        yield "output", pose_of(middle * self.length, other, last)
 
 
 @dataclass(frozen=True)
@@ -204,8 +205,8 @@ class ScrewJack(SpatialLinkage):
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         x, shift = turned(Vec3(*X), Vec3(*Y), value), self.pitch * value
-        yield "screw", placed(Vec3(0.0, 0.0, shift), x, Vec3(*Z))
-        yield "platform", placed(Vec3(0.0, 0.0, shift + self.height), Vec3(*X), Vec3(*Z))
+        yield "screw", pose_of(Vec3(0.0, 0.0, shift), x, Vec3(*Z))
+        yield "platform", pose_of(Vec3(0.0, 0.0, shift + self.height), Vec3(*X), Vec3(*Z))
 
 
 @dataclass(frozen=True)
