@@ -70,16 +70,21 @@ def prepared(scene: Scene) -> Prepared | None:
     """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
     effects = scene.effects | ({Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set())
     system = compile_system(scene.mechanism, effects, scene.mechanism.unit())
+    start: Start | None = None
+    rows: Any = range(system.n)
     if system.m != system.n:
-        return _with_independent_rows(scene, system)
-    made = _compiled(system)
+        start = find_start(system, scene)
+        if start.status is not Status.OK:
+            return None
+        rows = independent_rows(system, start.q[:, None], np.array(scene.times[:1])).tolist()
+    made = compiled(system, rows, [p.g for p in system.placed])
     if made is None:
         return None
-    mechanism = upstream(scene, system, made)
+    mechanism = scene.mechanism if start else upstream(scene, system, made)
     if mechanism is scene.mechanism:
-        return Prepared(scene, system, made)
+        return Prepared(scene, system, made, start)
     reduced = compile_system(mechanism, effects, system.unit)
-    made = _compiled(reduced)
+    made = compiled(reduced, range(reduced.n), [p.g for p in reduced.placed])
     assert made is not None  # the part is solved by the same blocks as the whole
     return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)
 
@@ -113,19 +118,6 @@ def legend(scene: Scene) -> str:
             if p.constraint.parameters:
                 lines.append(f"# q[{p.starts[2]}] = contact parameter of {p.constraint.name}")
     return "\n".join([*lines, ""])
-
-
-def _compiled(system: System) -> Compiled | None:
-    return compiled(system, range(system.n), [p.g for p in system.placed])
-
-
-def _with_independent_rows(scene: Scene, system: System) -> Prepared | None:
-    start = find_start(system, scene)
-    if start.status is not Status.OK:
-        return None
-    rows: Any = independent_rows(system, start.q[:, None], np.array(scene.times[:1]))
-    made = compiled(system, rows.tolist(), [p.g for p in system.placed])
-    return None if made is None else Prepared(scene, system, made, start)
 
 
 def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:

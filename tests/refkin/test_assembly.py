@@ -13,7 +13,7 @@ from flint import arb, ctx
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
 from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
-from refkin.proof.assembly.group_poses import GroupPose, Link, joined
+from refkin.proof.assembly.group_poses import GroupPose, Link, moves_of_group
 from refkin.proof.assembly.loci import Circle, Line, meet
 from refkin.proof.assembly.rows import RowKind
 from refkin.vec import Vec
@@ -54,7 +54,7 @@ def test_three_points_that_are_laid_on_three_lines_lie_on_them_in_both_assemblie
         along = n.perp() * arb(0.3 + 0.4 * k)
         p = pose.point(q + along) if on_b else pose.point(q) + along
         links.append(Link(RowKind.LINE, p, q, n, on_b, arb(0)))
-    moves = joined(links, turning=True).moves
+    moves = moves_of_group(links, turning=True).moves
 
     assert len(moves) == 2
     for move in moves:

@@ -9,7 +9,7 @@ from functools import partial
 from flint import arb
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.group_poses import GroupPose, Link, Move, joined, located
+from refkin.proof.assembly.group_poses import GroupPose, Link, Move, moves_of_group, moves_of_point
 from refkin.proof.assembly.loci import Ball, Meeting, length
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, Closure, Relation, RelationForm, Step
 from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
@@ -117,13 +117,13 @@ class _Worker:
         """Return the branches that one branch goes on to, and note in `placement` those that end."""
         for closure in step.candidates:
             links = [self._link(r, step, branch) for r in closure]
-            placed = located(links) if step.locates else joined(links, bool(step.turning))
-            if placed is None:
+            ways = moves_of_point(links) if step.locates else moves_of_group(links, bool(step.turning))
+            if ways is None:
                 continue
-            if placed.meeting.gap is not None:
-                placement.ends.append(self._cannot_meet(step, closure, placed.meeting, branch))
+            if ways.meeting.gap is not None:
+                placement.ends.append(self._cannot_meet(step, closure, ways.meeting, branch))
                 return []
-            children = [self._child(step, closure, branch, m, placed.meeting.decided) for m in placed.moves]
+            children = [self._child(step, closure, branch, m, ways.meeting.decided) for m in ways.moves]
             return [c for c in children if not self._ends(step, closure, c, placement)]
         placement.stuck.append(branch)
         return []

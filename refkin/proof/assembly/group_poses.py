@@ -72,12 +72,12 @@ class Moves:
     meeting: Meeting = NO_CHOICE
 
 
-def located(links: list[Link]) -> Moves | None:
+def moves_of_point(links: list[Link]) -> Moves | None:
     """Return where the point of B that two loci of A share can be; as shifts."""
     return _shifts([_locus(k, k.p) for k in links])
 
 
-def joined(links: list[Link], turning: bool) -> Moves | None:
+def moves_of_group(links: list[Link], turning: bool) -> Moves | None:
     """Return how B comes to A by the given relations, B turning or not; None where loci run along each other."""
     if turning:
         return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
