@@ -172,9 +172,14 @@ class Crossing:
     null: Any
 
     @property
+    def is_bifurcation(self) -> bool:
+        """Whether the curves cross, to round-off."""
+        return abs(self.mu) <= self.explained
+
+    @property
     def is_decided(self) -> bool:
-        """Whether the curves cross, to round-off, and in which directions."""
-        return abs(self.mu) <= self.explained and bool(self.tangents)
+        """Whether the curves cross, and in which directions."""
+        return self.is_bifurcation and bool(self.tangents)
 
     @property
     def tangents(self) -> tuple[Any, ...]:
