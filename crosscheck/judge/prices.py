@@ -144,7 +144,7 @@ def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits:
         of_poses = {key: row.get(key + SUFFIX[poses]) for key in ("digits", "microseconds", "spread")}
         if row["quantity"] != quantity or of_poses["digits"] is None or of_poses["microseconds"] is None:
             continue
-        who: dict[str, Any] = {key: row[key] for key in ("engine", "method", "setting", "newton_by")}
+        who: dict[str, Any] = {key: row.get(key, "") for key in ("engine", "method", "setting", "newton_by")}
         offer = Offer(**{**who, **of_poses})
         known = best.get(offer.name)
         if offer.digits >= digits and (known is None or offer.microseconds < known.microseconds):

@@ -20,13 +20,14 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from crosscheck.judge.prices import STEPS
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.night.plan import engines_option, replace_file
 from crosscheck.report import front, wording
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
 from crosscheck.report.front import first_pose, pose_picture, spoken, spoken_moving
-from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, iterations_of_notes, price_figure
+from crosscheck.report.prices import cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.summary import Summary
 from crosscheck.report.svg import bar, power_of_ten
 
@@ -112,7 +113,7 @@ def render(report: Mapping[str, Any]) -> str:
             replayed=replayed(report["run"]),
             certified=any(report["reference"]["largest_certified_radius"].values()),
             cheapest=cheapest_tables(report["price"] or []),
-            goals=GOALS,
+            goals=STEPS,
             matrices=agreement_matrices(report["agreement"]),
             changed=any(series["changes"] for series in (report["trends"] or {"series": ()})["series"]),
             **_figures(report),

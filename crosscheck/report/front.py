@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup
 
+from crosscheck.judge.prices import Offer
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import cheapest, main_class
@@ -44,8 +45,8 @@ def first_table(report: Report) -> list[dict[str, Any]]:
                     "engine": engine,
                     "method": method,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
-                    "price": made.get("microseconds_median") if not prices else paid and paid["microseconds"],
-                    "priced_method": paid["method"] if paid and paid["method"] != method else "",
+                    "price": made.get("microseconds_median") if not prices else paid and paid.microseconds,
+                    "priced_method": paid.method if paid and paid.method != method else "",
                     "priced": engine in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
@@ -74,13 +75,9 @@ def _as_shipped(report: Report, engine: str, methods: Sequence[str]) -> list[dic
     return rows
 
 
-def best_methods(prices: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return, per engine, the row of its cheapest method with nine digits of acceleration, cheapest first."""
-    nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
-    best: dict[str, Mapping[str, Any]] = {}
-    for row in sorted(nine.values(), key=lambda row: float(row["microseconds"])):
-        best.setdefault(row["engine"], row)
-    return best
+def best_methods(prices: Sequence[Mapping[str, Any]]) -> dict[str, Offer]:
+    """Return, per engine, its cheapest method with nine digits of acceleration, cheapest first."""
+    return cheapest(prices, "acceleration", GOAL, main_class(prices))
 
 
 def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -116,14 +113,14 @@ def answer(report: Report) -> str:
     if not ordered:
         return "No method reaches nine digits of acceleration." if prices else ""
     cheapest_method = _paid(ordered[0])
-    others = [row for row in ordered if row["engine"] in report["engines"]]
+    others = [offer for offer in ordered if offer.engine in report["engines"]]
     if others and others[0] is not ordered[0]:
         cheapest_method += f"; of the engines compared here, with {_paid(others[0])}"
     return f"Nine digits of acceleration cost least with {cheapest_method} ({main_class(prices)} scenes)."
 
 
-def _paid(row: Mapping[str, Any]) -> str:
-    return f"{row['engine']} · {row['method']}: {number(row['microseconds'])} µs"
+def _paid(offer: Offer) -> str:
+    return f"{offer.engine} · {offer.method}: {number(offer.microseconds)} µs"
 
 
 def hard_matrix(report: Report) -> dict[str, Any]:

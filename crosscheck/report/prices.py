@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.judge.prices import EffectRow
+from crosscheck.judge.prices import STEPS, EffectRow, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.figures_more import effects_figure as effects_bars
@@ -17,7 +17,6 @@ from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, p
 from crosscheck.report.wording import number
 
 Row = Mapping[str, Any]
-GOALS = (3, 6, 9, 12, 14)
 SHIPPED = "shipped"
 """The name of the methods that use no setting."""
 PREFERRED = "regular"
@@ -30,18 +29,12 @@ def main_class(rows: Sequence[Row]) -> str | None:
     return PREFERRED if PREFERRED in classes else next(iter(classes), None)
 
 
-def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[tuple[str, str], Row]:
-    """Return, per engine and method, the row of the least time that has at least `goal` digits."""
-    least: dict[tuple[str, str], Row] = {}
-    for row in rows:
-        if (row["quantity"], row["scene_class"]) != (quantity, scene_class) or (row["digits"] or 0.0) < goal:
-            continue
-        who = (row["engine"], row["method"])
-        if row["microseconds"] is None:
-            continue
-        if who not in least or row["microseconds"] < least[who]["microseconds"]:
-            least[who] = row
-    return least
+def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[str, Offer]:
+    """Return, per engine, its best offer of at least `goal` digits over one cycle, the cheapest first."""
+    best: dict[str, Offer] = {}
+    for offer in offers([row for row in rows if row["scene_class"] == scene_class], "cycle", quantity, goal):
+        best.setdefault(offer.engine, offer)
+    return best
 
 
 def frontier(rows: Sequence[Row]) -> list[Row]:
@@ -65,27 +58,19 @@ def frontier(rows: Sequence[Row]) -> list[Row]:
 
 
 def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return a table per class of scenes and quantity: engine x goal -> its cheapest setting, None if there is none."""
+    """Return a table per class of scenes and quantity: engine x digits -> its cheapest setting, or None."""
     tables = []
     for scene_class in dict.fromkeys(row["scene_class"] for row in rows):
         for quantity in SOLVED:
-            best = {goal: _cheapest_of_engines(rows, quantity, goal, scene_class) for goal in GOALS}
+            best = {goal: cheapest(rows, quantity, goal, scene_class) for goal in STEPS}
             engines = dict.fromkeys(
                 r["engine"] for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)
             )
-            least = {g: min((r["microseconds"] for r in paid.values()), default=None) for g, paid in best.items()}
-            lines = [(engine, [(best[g].get(engine), least[g]) for g in GOALS]) for engine in engines]
+            least = {g: min((offer.microseconds for offer in paid.values()), default=None) for g, paid in best.items()}
+            lines = [(engine, [(best[g].get(engine), least[g]) for g in STEPS]) for engine in engines]
             if lines:
                 tables.append({"scene_class": scene_class, "quantity": quantity, "lines": lines})
     return tables
-
-
-def _cheapest_of_engines(rows: Sequence[Row], quantity: str, goal: float, scene_class: str) -> dict[str, Row]:
-    least: dict[str, Row] = {}
-    for (engine, _), row in cheapest(rows, quantity, goal, scene_class).items():
-        if engine not in least or row["microseconds"] < least[engine]["microseconds"]:
-            least[engine] = row
-    return least
 
 
 def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) -> Figure:

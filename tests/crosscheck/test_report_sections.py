@@ -122,7 +122,7 @@ def test_file_that_cannot_be_read_fails_the_night_and_says_where(
 def test_cheapest_way_is_the_least_time_among_settings_with_the_digits() -> None:
     offers = cheapest(PRICES, "acceleration", 9, "regular")
 
-    assert {who: row["microseconds"] for who, row in offers.items()} == {("mujoco", "newton"): 24.0}
+    assert {who: (row.method, row.microseconds) for who, row in offers.items()} == {"mujoco": ("newton", 24.0)}
 
 
 def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path) -> None:
