@@ -24,7 +24,7 @@ import numpy as np
 
 from crosscheck.documents.convergence import slope
 from crosscheck.documents.ledger import all_rows, read
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
+from crosscheck.documents.ledger.arithmetic import Balls, Binary64
 from crosscheck.documents.ledger.rows import Printed
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
 from crosscheck.engines import QUANTITIES
@@ -240,10 +240,13 @@ def digits_by_iteration() -> list[dict[str, Any]]:
     """
     row = next(row for row in read().row if row.id == ROW)
     truth = _truth(row.inputs)
-    answers = [(str(k), at) for k, at in enumerate(_iterates(Binary64(), row.inputs))]
+    n = Binary64()
+    system = four_bar(n, row.inputs)
+    history = n.newton(system, estimate(n, row.inputs), ITERATIONS)
+    answers = [(q, *rates(n, row.inputs, system, q)[::2]) for q in history.iterates]
     rows = [
-        {"iteration": name, "quantity": quantity, "digits": _fewest(level, right)}
-        for name, levels in answers
+        {"iteration": str(k), "quantity": quantity, "digits": _fewest(level, right)}
+        for k, levels in enumerate(answers)
         for quantity, level, right in zip(QUANTITIES, levels, truth, strict=True)
     ]
     values = {value.name: value for value in row.values}
@@ -252,13 +255,6 @@ def digits_by_iteration() -> list[dict[str, Any]]:
         right = truth[QUANTITIES.index(quantity)]
         rows.append({"iteration": "printed", "quantity": quantity, "digits": _fewest(level, right)})
     return rows
-
-
-def _iterates(n: Arithmetic, given: Mapping[str, Any]) -> list[Levels]:
-    """Return (q, qd, qdd) at the estimate and after each iteration."""
-    system = four_bar(n, given)
-    history = n.newton(system, estimate(n, given), ITERATIONS)
-    return [(q, *rates(n, given, system, q)[::2]) for q in history.iterates]
 
 
 def _truth(given: Mapping[str, Any]) -> Levels:

@@ -265,7 +265,7 @@ def least_error(system: System, q: Any, t: float) -> Any:
     """
     e = residual_error(system, q, t)
     u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)
-    bend = _second_derivative(system, q, t, vt[-1])
+    bend = np.imag(system.phi_q(q + 1j * STEP * vt[-1], t)) @ vt[-1] / STEP  # phi_qq[v, v] by a complex step
     f = np.abs(u.T) @ e
     last = fold(s[-1], abs(float(u[:, -1] @ bend)), float(f[-1]))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -278,11 +278,6 @@ def fold(s: float, k: float, f: float) -> float:
     if s * s > 2 * k * f:
         return float(2 * f / (s + np.sqrt(s * s - 2 * k * f)))
     return float((s + np.sqrt(s * s + 2 * k * f)) / k) if k else np.inf
-
-
-def _second_derivative(system: System, q: Any, t: float, v: Any) -> Any:
-    """Return phi_qq[v, v] (m,) by a complex step."""
-    return np.imag(system.phi_q(q + 1j * STEP * v, t)) @ v / STEP
 
 
 def _output_rounding(system: System, q: Any) -> Any:

@@ -74,7 +74,8 @@ def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
     sample: list[Piece] = []
     worst: list[tuple[Any, Piece]] = []
     for piece in pieces:
-        errors = _relative_errors(work, piece)
+        of_levels = _errors(work, piece, _truth(work, piece))
+        errors = np.maximum.reduce([np.max(error, axis=0) / part for error, part in of_levels])
         largest, count = max(largest, float(np.max(errors, initial=0.0))), count + len(errors)
         levels = len(piece.levels)
         sample.append(piece.of(np.flatnonzero((piece.mechanisms * len(work.t) + piece.times) % stride == 0)))
@@ -83,8 +84,9 @@ def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
         if len(worst) > 20:
             worst = [_worst_of(worst)]
     ratio, unjudged = 0.0, 0
-    for piece in _in_lanes([*sample, _worst_of(worst)[1]]):
-        of_piece, without = _over_allowed(work, piece)
+    judged = _joined([*sample, _worst_of(worst)[1]])
+    for start in range(0, len(judged.times), SAMPLES):
+        of_piece, without = _over_allowed(work, judged.of(slice(start, start + SAMPLES)))
         ratio, unjudged = max(ratio, of_piece), unjudged + without
     return Accuracy(largest, ratio, count, unjudged, levels)
 
@@ -108,12 +110,6 @@ def _errors(work: FourBars, piece: Piece, truth: tuple[Any, ...]) -> Iterator[tu
         yield np.where(np.isfinite(error), error, np.inf), np.asarray(part, float)
 
 
-def _relative_errors(work: FourBars, piece: Piece) -> Any:
-    """Return the largest error of each configuration, of all levels."""
-    errors = [np.max(error, axis=0) / part for error, part in _errors(work, piece, _truth(work, piece))]
-    return np.maximum.reduce(errors)
-
-
 def _worst_of(pieces: list[tuple[Any, Piece]]) -> tuple[Any, Piece]:
     errors = np.concatenate([e for e, _ in pieces])
     top = np.argsort(errors)[-WORST:]
@@ -128,12 +124,6 @@ def _joined(pieces: list[Piece]) -> Piece:
         pieces[0].rows,
         tuple(np.concatenate(level, axis=1) for level in levels),
     )
-
-
-def _in_lanes(pieces: list[Piece]) -> Iterator[Piece]:
-    whole = _joined(pieces)
-    for start in range(0, len(whole.times), SAMPLES):
-        yield whole.of(slice(start, start + SAMPLES))
 
 
 def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:

@@ -136,11 +136,8 @@ def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
     return bars
 
 
-def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
-    """Return the stacked bars of a ledger as SVG; each part carries its name and its price as a title.
-
-    Rows are those of `effects_ledger`; `ident` is unique on the page.
-    """
+def effects_bars(rows: Sequence[EffectRow]) -> Markup:
+    """Return the stacked bars of a ledger as SVG; each part carries its name and its price as a title."""
     bars = parts(rows)
     longest = max((sum(cost for _, cost, _ in bar) for bar in bars.values()), default=1.0)
     step = _step(longest)
@@ -148,7 +145,7 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
     names = list(dict.fromkeys(effect for bar in bars.values() for effect, _, _ in bar))
     described = "; ".join(f"{engine}, {method}: {_words(bar)}" for (engine, method), bar in bars.items())
     plot = Plot(
-        ident,
+        "effects-bars",
         "What effects cost",
         f"Microseconds per configuration, stacked. {described}",
         (0.0, top),

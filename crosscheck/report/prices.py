@@ -12,7 +12,7 @@ from markupsafe import Markup
 from crosscheck.judge.prices import STEPS, EffectRow, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
-from crosscheck.report.figures_more import effects_figure as effects_bars
+from crosscheck.report.figures_more import effects_bars
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number
 
@@ -186,7 +186,7 @@ def iterations_of_notes(rows: Sequence[Row]) -> Figure:
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
-    panels = (effects_bars([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
+    panels = (effects_bars([_of_ledger(row) for row in rows]),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")

@@ -65,8 +65,7 @@ class Question:
 
 def questions() -> tuple[Question, ...]:
     """Return all questions, the plainest first; no two are about the same."""
-    verdicts = {True: Status.OK, False: Status.UNASSEMBLABLE}
-    of_space = (Question(about, scene, verdicts[a]) for about, scene, a in spatial_scenes(WAVE, TIMES[::2]))
+    of_space = (Question(*asked) for asked in spatial_scenes(WAVE, TIMES[::2]))
     return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *of_space)
 
 

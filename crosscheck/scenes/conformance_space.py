@@ -25,6 +25,7 @@ from refkin.joints import (
     Spherical,
 )
 from refkin.model import Body, Mechanism, Scene
+from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
 
@@ -42,17 +43,19 @@ CRANK = (0.2, 0.45, -0.1, 0.84, 0.02, 0.13, 0.53)
 MOTOR = "motor"
 
 
-def spatial_scenes(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene, bool]]:
-    """Yield what is asked about, the scene and whether there is an answer, at some times [s].
+def spatial_scenes(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene, Status]]:
+    """Yield what is asked about, the scene and its verdict, at some times [s].
 
     The law is that of the driven angle, from about 1.1 rad on.
     """
     asked = (*_joints(law, times), *_driven(law, times), *_loops(law, times))
-    yield from ((f"space: {about}", scene, True) for about, scene in asked)
+    yield from ((f"space: {about}", scene, Status.OK) for about, scene in asked)
     link: Any = LOOP.scene(law=law, times=times)
     joints = tuple(replace(j, length=9.0) if j.name == "L" else j for j in link.mechanism.joints)
-    yield "space: parts that do not meet", replace(link, mechanism=replace(link.mechanism, joints=joints)), False
-    yield "space: driven beyond its limit", _boom(Polynomial(coefficients=(1.2, 0.2)), (0.0, 1.0, 2.0, 7.0)), False
+    apart = replace(link, mechanism=replace(link.mechanism, joints=joints))
+    beyond = _boom(Polynomial(coefficients=(1.2, 0.2)), (0.0, 1.0, 2.0, 7.0))
+    yield "space: parts that do not meet", apart, Status.UNASSEMBLABLE
+    yield "space: driven beyond its limit", beyond, Status.UNASSEMBLABLE
 
 
 def _scene(

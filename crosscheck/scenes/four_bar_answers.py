@@ -33,8 +33,11 @@ def four_bar(lengths: Any, phi: Any, omega: Any = 1.0, alpha: Any = 0.0) -> tupl
     ground, a, b, c = lengths
     u = np.cos(phi), np.sin(phi)
     tip = a * u[0], a * u[1]
-    along, across = _meeting(ground - tip[0], -tip[1], b, c)
     dx, dy = ground - tip[0], -tip[1]
+    # Where the circles meet, as parts of the vector between their centres, along and across it.
+    square = dx * dx + dy * dy
+    along = ((b - c) * (b + c) + square) / (2 * square)
+    across = np.sqrt(np.maximum(b * b / square - along * along, 0.0))
     arm = along * dx - across * dy, along * dy + across * dx
     p = arm[0] / b, arm[1] / b
     r = (tip[0] + arm[0] - ground) / c, (tip[1] + arm[1]) / c
@@ -48,13 +51,6 @@ def four_bar(lengths: Any, phi: Any, omega: Any = 1.0, alpha: Any = 0.0) -> tupl
     ac = (c * wc * wc * bend - a * alpha * _cross(p, u) - pull * _dot(p, u) - b * wb * wb) / (c * cross)
     links = ((a, u, (0.0, 0.0)), (b, p, tip), (c, r, (ground, 0.0)))
     return _levels(links, angles, (omega, wb, wc), (alpha, ab, ac))
-
-
-def _meeting(dx: Any, dy: Any, b: Any, c: Any) -> tuple[Any, Any]:
-    """Return where the circles meet, as parts of the vector between their centres, along and across it."""
-    square = dx * dx + dy * dy
-    along = ((b - c) * (b + c) + square) / (2 * square)
-    return along, np.sqrt(np.maximum(b * b / square - along * along, 0.0))
 
 
 def _levels(links: Any, angles: Any, rates: Any, bends: Any) -> tuple[Any, Any, Any]:

@@ -31,30 +31,21 @@ REGULAR = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 def classes() -> dict[str, Scene]:
     """Return class -> its scene."""
     far = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(AWAY, AWAY))
+    flat = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + SLACK)
+    limited = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
+    limit = max(limited.input_range()[0])
     return {
         "regular": _turning(REGULAR, "regular"),
-        "near a change point": _near_change_point(),
-        "near a dead centre": _near_dead_centre(),
+        # a crank that turns through the pose at which all links nearly lie in one line
+        "near a change point": _swept(flat, math.pi - SPAN, math.pi + SPAN, "near a change point"),
+        # one that turns towards the limit at which coupler and rocker lie in one line, up to just before it
+        "near a dead centre": _swept(limited, limit - 4 * SPAN, limit - SHORT_OF, "near a dead centre"),
         "far from the origin": _turning(far, "far from the origin"),
     }
 
 
 def _turning(linkage: FourBar, name: str) -> Scene:
     return linkage.scene(speed=SPEED, turns=1, samples=SAMPLES, branch=Branch.OPEN, name=name)
-
-
-def _near_change_point() -> Scene:
-    """Return a crank that turns through the pose at which all links nearly lie in one line."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + SLACK)
-    return _swept(linkage, math.pi - SPAN, math.pi + SPAN, "near a change point")
-
-
-def _near_dead_centre() -> Scene:
-    """Return a crank that turns towards the limit at which coupler and rocker lie in one line, up to just before it."""
-    linkage = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
-    interval = linkage.input_range()[0]
-    limit = max(interval)
-    return _swept(linkage, limit - 4 * SPAN, limit - SHORT_OF, "near a dead centre")
 
 
 def _swept(linkage: FourBar, start: float, stop: float, name: str) -> Scene:

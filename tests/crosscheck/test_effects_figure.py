@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from crosscheck.judge.prices import EffectRow
-from crosscheck.report.figures_more import CALLED_FOR, effects_figure, look, parts
+from crosscheck.report.figures_more import CALLED_FOR, effects_bars, look, parts
 from crosscheck.scenes.names import PHYSICAL
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -36,7 +36,7 @@ def test_no_two_effects_look_alike():
 
 def test_an_effect_looks_the_same_whatever_else_is_drawn():
     alone, among = ([row("velocity", 5.0)], [row("gravity", 9.0), row("velocity", 5.0)])
-    fills = [_fill_of("velocity", effects_figure(rows)) for rows in (alone, among)]
+    fills = [_fill_of("velocity", effects_bars(rows)) for rows in (alone, among)]
 
     assert fills[0] == fills[1]
 
@@ -48,7 +48,7 @@ def test_a_bar_begins_with_the_cost_of_positions_and_leaves_noise_out():
 
 
 def test_an_effect_of_an_engine_that_nobody_knows_is_drawn():
-    assert _fill_of("wind", effects_figure([row("wind", 5.0)]))
+    assert _fill_of("wind", effects_bars([row("wind", 5.0)]))
 
 
 def _fill_of(effect: str, figure: str) -> tuple[str | None, str | None]:

@@ -12,7 +12,7 @@ import pytest
 
 from crosscheck.judge.prices import EffectRow
 from crosscheck.report.figures import digits_figure, newton_figure
-from crosscheck.report.figures_more import effects_figure, slopes_figure, trends_figure
+from crosscheck.report.figures_more import effects_bars, slopes_figure, trends_figure
 from crosscheck.report.prices import iterations_of_notes, price_figure
 from crosscheck.report.svg import SUPERSCRIPTS
 from crosscheck.scenes.names import QUANTITIES
@@ -236,7 +236,7 @@ def test_the_parts_of_a_bar_are_as_long_as_what_they_cost_and_one_begins_where_t
         )
         for effect, without, cost, called in made
     ]  # fmt: skip
-    root = ET.fromstring(effects_figure([*rows, *unpriced()]))
+    root = ET.fromstring(effects_bars([*rows, *unpriced()]))
     titled = [(box, (box.findtext("title") or "").split(": ")) for box in root.iter("rect")]
     bars = {words[0]: box for box, words in titled if len(words) == 2}
     ticks = [(float(t.get("x", 0)), t.text or "") for t in root.iter("text") if (t.text or "").isdigit()]

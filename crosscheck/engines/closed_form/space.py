@@ -179,7 +179,9 @@ class Assembly:
         ends = [tie for tie in self.ties if body in tie.bodies and self._known(tie, body) is not None]
         if len({tuple(tie.points[tie.side(body)].part("v", 1)[:, 0]) for tie in ends}) > 2:
             raise NotPlaced(f"{body}: more points are held than the two that place it, by rows that may differ")
-        for tie in self._to_placed(body):
+        order = ("fixed", "screw", "revolute", "prismatic", "cylindrical")  # what leaves least free comes first
+        held = [t for t in self.ties if body in t.bodies and t.other(body) in self.placed and t.kind in order]
+        for tie in sorted(held, key=lambda t: order.index(t.kind)):
             freedom = self._freedom(tie, body)
             if isinstance(freedom, Frame):
                 self.placed[body] = freedom
@@ -189,12 +191,6 @@ class Assembly:
             if isinstance(freedom, tuple) and self._slid(body, tie, *freedom):
                 return True
         return self._between_points(body)
-
-    def _to_placed(self, body: str) -> Iterator[Tie]:
-        """Yield ties of a body to placed ones: first those that leave least free."""
-        order = ("fixed", "screw", "revolute", "prismatic", "cylindrical")
-        ties = [t for t in self.ties if body in t.bodies and t.other(body) in self.placed and t.kind in order]
-        yield from sorted(ties, key=lambda t: order.index(t.kind))
 
     def _freedom(self, tie: Tie, body: str) -> Any:
         """Return a body as one tie holds it: placed, Turning, or (placed but for a shift, unit vector, its circle)."""

@@ -114,11 +114,7 @@ def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
             part = replace(work, lengths=work.lengths[:, first : first + COUNTED])
             yield from solved(part, partial(_piece, first)).reduced
 
-    return Batch(lambda: solved(work, _nothing), work.configurations, pieces)
-
-
-def _nothing(part: Any) -> None:
-    """Keep nothing of a reducer's slice."""
+    return Batch(lambda: solved(work, lambda part: None), work.configurations, pieces)
 
 
 def _piece(first: int, part: Any) -> Piece:

@@ -87,7 +87,7 @@ def methods() -> Iterator[Method]:
     yield _newton("Newton, analytic Jacobian", "to round-off", RoundOff)
     for count in range(1, 6):
         setting = f"{count} correction{'s' * (count > 1)}"
-        yield _newton("Newton, stopped", setting, _no_rule, max_iterations=count)
+        yield _newton("Newton, stopped", setting, lambda: _never, max_iterations=count)
     for name, scheme in SCHEMES.items():
         by, note = partial(_by_differences, scheme), "the same Jacobian gives the rates"
         for setting, stop in DIFFERENCED:
@@ -95,7 +95,7 @@ def methods() -> Iterator[Method]:
     for limit in CHORD_LIMITS:
         rule = partial(CorrectionNorm, limit)
         yield _newton("chord", f"|dq| < {limit:g}", rule, "one Jacobian per time", jacobian_every=0)
-    uses, batch = frozenset({Use.BENCH}), partial(_chain, _dense_iteration)
+    uses, batch = frozenset({Use.BENCH}), _dense_chain
     note = "every joint's formula in Python, dense numpy.linalg.solve"
     yield Method(engine="refkin", name="Newton iteration, dense", newton_by="refkin", uses=uses, batch=batch, note=note)
 
@@ -110,12 +110,8 @@ def _newton(name: str, setting: str, rule: Any, note: str = "", **options: Any) 
 
 
 def _never(residual: Any, correction: Any, q: Any) -> bool:
+    """Never stop: the cap on corrections does."""
     return False
-
-
-def _no_rule() -> Any:
-    """Return the stopping test that never stops: the cap on corrections does."""
-    return _never
 
 
 def _at(function: Callable[[Any, float], Any], t: float, q: Any) -> Any:
@@ -205,18 +201,14 @@ def _solved_in_turn(evidence: frozenset[Evidence], workload: Workload, order: in
     return one_by_one(partial(_solving, evidence), workload, order, FEW)
 
 
-def _dense_iteration(system: System, t: float, q: Any) -> Any:
-    return q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t))
-
-
-def _chain(iteration: Any, workload: Workload, order: int) -> Batch:
+def _dense_chain(workload: Workload, order: int) -> Batch:
     if not isinstance(workload, Chain):
         raise EngineError("made for chains")
     if workload.windows > LONGEST:
         raise EngineError(f"not for more than {LONGEST} loops: a dense solve in Python takes seconds there")
     mechanism, t = workload.scene.mechanism, workload.scene.times[0]
     system = compile_system(mechanism, unit=mechanism.unit())
-    return iterated(workload, system, partial(iteration, system, t))
+    return iterated(workload, system, lambda q: q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t)))
 
 
 def iterated(work: Chain, system: System, step: Callable[[Any], Any]) -> Batch:
