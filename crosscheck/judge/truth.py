@@ -72,18 +72,15 @@ class CertifiedTruth:
         missing = int(np.sum(~np.isfinite(every).all(axis=0)))
         if missing:
             return None, f"no answer at {missing} of {every.shape[1]} times"
-        radius = self._radius(order)
+        # How far the truth may be off: its proved radius, and the rounding to metres that it went through.
+        proved = getattr(self.ref.motion.certified_radius, QUANTITIES[order])[self.known]
+        radius = half_ulp(self.ref.system, self.ref.levels[order][:, self.known], order)[self._rows] + proved
         at = np.argmax(every + radius, axis=0), np.arange(every.shape[1])
         scale = scales(ours[self._rows][:, self.known], order)
         worst = (every + radius)[at] / scale
         k = int(np.argmax(worst))
         known, off = (radius[at] / scale)[k], (every[at] / scale)[k]
         return _digits(worst), f"truth proved to {_digits(known):.1f} digits there" if known > off else ""
-
-    def _radius(self, order: int) -> Any:
-        """Return how far the truth may be off: its proved radius, and the rounding to metres that it went through."""
-        radius = getattr(self.ref.motion.certified_radius, QUANTITIES[order])[self.known]
-        return half_ulp(self.ref.system, self.ref.levels[order][:, self.known], order)[self._rows] + radius
 
     def _fewest(self, allowed: Any, level: Any, order: int) -> float:
         return _digits(np.max(allowed[self._rows], axis=0) / scales(level[self._rows], order))

@@ -99,7 +99,8 @@ class Disagreements:
         rows = [group.described() for group in order]
         for row in rows:
             for example in row["examples"][:1]:
-                example["toml"] = self._text(example.get("file"))
+                path = self._path(example.get("file") or "")
+                example["toml"] = path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
         return rows
 
     def _gap(self, record: Record, disagreement: Disagreement) -> KnownGap | None:
@@ -132,10 +133,6 @@ class Disagreements:
             return path if path.is_relative_to(self.folder.resolve()) and path.is_file() else None
         except (OSError, ValueError):  # a name too long, or with a null character
             return None
-
-    def _text(self, name: str | None) -> str | None:
-        path = self._path(name) if name else None
-        return path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
 
 
 def implied(record: Record) -> Iterator[Disagreement]:

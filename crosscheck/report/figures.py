@@ -69,7 +69,9 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
             ]
             plot.marks(shown, look)
             if line == "digits_worst":
-                _no_answers(plot, [decade + aside for who, decade in blanks if who == name], look, floor)
+                foot = floor + 0.04 * (HIGHEST_DIGITS - floor)
+                for decade in (decade for who, decade in blanks if who == name):
+                    plot.series([(decade + aside, foot)], Style(look.colour, "none", "cross"))
         if not any(b.quantity == quantity for b in bins):
             plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
         panels.append(plot.markup())
@@ -141,12 +143,6 @@ def _attainable_band(plot: Plot, band: Mapping[str, Any], floor: float) -> None:
     shown = [k for k, v in enumerate(x) if plot.x[0] <= v <= plot.x[1]]
     if shown:
         plot.band([x[k] for k in shown], [low[k] for k in shown], [high[k] for k in shown])
-
-
-def _no_answers(plot: Plot, places: Sequence[float], look: Style, floor: float) -> None:
-    foot = floor + 0.04 * (HIGHEST_DIGITS - floor)
-    for x in places:
-        plot.series([(x, foot)], Style(look.colour, "none", "cross"))
 
 
 def _bins(report: Report) -> list[Bin]:

@@ -60,7 +60,8 @@ def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone:
         return _polynomial(_draw_cubic(draw), first, last, duration, as_rate)
     if kind is LawKind.SINUSOID:
         return _draw_sinusoid(draw, first, last, duration, monotone, as_rate)
-    argument = _draw_arguments(draw, duration)
+    power = draw(CROWDING, label="crowding of knots")  # evenly spaced over [0, duration], or closer at one end
+    argument = [duration * (k / (KNOTS - 1)) ** power for k in range(KNOTS)]
     if as_rate:
         return _draw_rate_table(draw, argument, first, last)
     return _draw_table(draw, argument, first, last, monotone)
@@ -98,12 +99,6 @@ def _draw_sinusoid(draw: DrawFn, first: float, last: float, duration: float, mon
         return Sinusoid(offset=middle, amplitude=amplitude, angular_frequency=frequency, phase=phase)
     rate = Sinusoid(amplitude=amplitude * frequency, angular_frequency=frequency, phase=phase + math.pi / 2)
     return Integral(rate=rate, initial=middle + amplitude * math.sin(phase))
-
-
-def _draw_arguments(draw: DrawFn, duration: float) -> list[float]:
-    """Draw knots over [0, duration], evenly spaced or closer together at one end."""
-    power = draw(CROWDING, label="crowding of knots")
-    return [duration * (k / (KNOTS - 1)) ** power for k in range(KNOTS)]
 
 
 def _draw_table(draw: DrawFn, argument: list[float], first: float, last: float, monotone: bool) -> Law:

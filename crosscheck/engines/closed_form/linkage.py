@@ -100,7 +100,9 @@ class GroupedScene:
 
 def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     """Return the groups (one per body, ground first), nodes and rows of a scene; lengths in metres."""
-    linkage = GroupedScene(origin=_origin(scene))
+    # Seen from the first joint point on the ground: floats keep their digits when a mechanism stands far out.
+    on_ground = (point for c in scene.mechanism.constraints for body, point in c.points() if body == joints.GROUND)
+    linkage = GroupedScene(origin=next(on_ground, (0.0, 0.0)))
     nodes = _nodes(scene, linkage)
     for name in (joints.GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
@@ -110,12 +112,6 @@ def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     for element in joints.elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage
-
-
-def _origin(scene: Scene) -> joints.Pair:
-    """Return the first joint point on the ground: floats keep their digits when a mechanism stands far out."""
-    on_ground = (point for c in scene.mechanism.constraints for body, point in c.points() if body == joints.GROUND)
-    return next(on_ground, (0.0, 0.0))
 
 
 def _local(linkage: GroupedScene, place: Place, arithmetic: Arithmetic) -> Planar:

@@ -63,9 +63,10 @@ def read(scene: Scene) -> Reading:
     families, estimates = angle_families(scene.mechanism), Estimates(scene)
     chains = VectorChains(scene, families.angles, estimates)
     positions, left = _tree(scene, chains.chains, families.angles)
-    loops = [
-        combined([*_point(positions, families.angles, w), *w.gap, *_back(positions, families.angles, w)]) for w in left
-    ]
+    loops = []
+    for chain in left:
+        out, back = (_point(positions, families.angles, c) for c in (chain, chain.turned_round()))
+        loops.append(combined([*out, *chain.gap, *(v.times(-1.0) for v in back)]))
     unknowns = _unknowns(scene, loops, chains)
     points = [(point.body, estimates.local(point.body, point.position)) for point in scene.points]
     rows = [positions[body] for body in scene.wanted]
@@ -109,11 +110,6 @@ def _tree(
 def _point(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[Vector]:
     """Return what leads from the origin to the first point of a chain."""
     return [*positions[chain.i], Vector(chain.p_i, angle=angles[chain.i])]
-
-
-def _back(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[Vector]:
-    """Return what leads from the second point of a chain to the origin."""
-    return [v.times(-1.0) for v in _point(positions, angles, chain.turned_round())]
 
 
 def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], chains: VectorChains) -> list[str]:
