@@ -13,7 +13,7 @@ from refkin.model import Effect
 from refkin.motion import point_motion
 from refkin.output import Drawing, animated, still
 from refkin.output.drawing import Part, seen
-from refkin.output.spatial import VIEW
+from refkin.output.spatial import VIEW, block
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
@@ -107,3 +107,11 @@ def test_every_joint_of_space_can_be_drawn(file):
             if shape.points.shape[1] > 1 and shape.role != "body" and not triad:
                 around = np.linalg.norm(shape.points.mean(axis=1) - points, axis=1)
                 assert np.min(around) < 1e-12 * answer.scene.mechanism.size()  # drawn evenly around a joint's point
+
+
+def test_a_body_of_one_point_is_an_upright_square_around_it():
+    corners = block(np.array([[1.0], [2.0], [3.0]]), 10.0).points - np.array([[1.0], [2.0], [3.0]])
+    half = np.abs(corners[0, 0])
+
+    assert sorted(map(tuple, (corners / half).T)) == [(-1, 0, -1), (-1, 0, 1), (1, 0, -1), (1, 0, 1)]
+    assert np.all(np.abs(np.diff(corners, axis=1)).sum(axis=0) == 2 * half)

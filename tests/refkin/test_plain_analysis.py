@@ -187,3 +187,15 @@ def test_a_branch_ends_in_a_singular_pose_only_if_newton_came_to_one_nearby(monk
 
     assert not goes_on
     assert np.array_equal(np.broadcast_to(pose, 9), q + away) is taken
+
+
+@pytest.mark.parametrize(("kink", "stays"), [(0.4, True), (0.6, False), (1.5, False)])
+def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_the_way(monkeypatch, kink, stays):
+    scene = ROCKER.scene(samples=721)
+    system, (t, to) = compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene.times[:2]
+    q = analysis.position(system, analysis.estimate_of(system, scene), t).q
+    result = analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
+    rate = kink * np.max(np.abs(result.q - q)) / (to - t)
+    monkeypatch.setattr(analysis, "velocity", lambda _, there, at: rate * (there is result.q) + np.zeros_like(q))
+
+    assert analysis._stays(system, q, t, result, to) is stays

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import bounded_system, box, read
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes, _over_times, _Spans
+from refkin.proof.pose.krawczyk import BallEquations
 from refkin.scenes.linkages import Hooke
+from refkin.solving import starts as starting
 from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
 
@@ -194,3 +197,30 @@ def test_the_right_sides_over_an_interval_hold_their_values_there():
         there = np.stack([system.nu(q, at) for at in (t + part * half).tolist()], axis=1)
 
         assert (np.abs(there - over.mid) <= over.rounding + over.spread + 1e-14).all()
+
+
+@pytest.mark.parametrize(("converged", "closed"), [(True, False), (False, True)])
+def test_a_far_estimate_leads_to_an_assembly_only_where_newton_converged_and_the_joints_close(
+    monkeypatch, converged, closed
+):
+    system = compile_system(ROCKER.scene().mechanism)
+    end = SimpleNamespace(converged=converged, q=np.zeros(system.n), residual=0.5, residuals=np.ones((1, system.m)))
+    least = SimpleNamespace(converged=False, q=end.q, residual=0.5)
+    for name, value in (("position", end), ("levenberg_marquardt", least), ("_is_root", closed)):
+        monkeypatch.setattr(starting, name, lambda *_, value=value, **__: value)
+
+    assert starting._far(system, 0.0, np.zeros(system.n), end) == (None, "", 0.5)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_newton_with_balls_goes_on_to_round_off_also_where_it_sets_out_by_growing_steps(seed):
+    """Not much less than a size, or a radian, away: where it ends, if anywhere, the joints close in all digits."""
+    scene = ROCKER.scene(samples=2)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0]) + 0.8 * np.random.default_rng(seed).uniform(-1.0, 1.0, system.n)
+    with ctx.workprec(200):
+        equations = BallEquations(system, arb(0), np.arange(system.n), 200)
+        root = equations.newton(q)
+
+        assert root is not None
+        assert max(abs(x) for x in equations.phi(root).entries()) < 1e-50

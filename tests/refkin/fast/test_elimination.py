@@ -10,7 +10,7 @@ import pytest
 from refkin import Body, Mechanism, Polynomial
 from refkin.fast import tape
 from refkin.fast.compiled import compiled
-from refkin.fast.elimination import blocks, eliminate
+from refkin.fast.elimination import blocks, eliminate, tree
 from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
 from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of
 from refkin.fast.elimination.run import Workspace
@@ -265,3 +265,7 @@ def test_a_row_left_out_of_the_total_derivatives_is_seen(monkeypatch):
             test_a_newton_step_is_that_of_all_equations("four-bar")
     finally:
         forget()
+
+
+def test_what_a_coordinate_depends_on_in_the_end_is_what_itself_depends_on_nothing():
+    assert tree._leaves([1, 5], {1: {2, 3}, 3: {4, 2}, 6: {7}}) == {2, 4, 5}

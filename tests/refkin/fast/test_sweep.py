@@ -451,3 +451,17 @@ def test_an_estimate_decides_only_where_newton_says_that_the_other_solution_is_e
     q = module._Task._near_estimate(task, ())
 
     assert (q is not None) is taken
+
+
+@pytest.mark.parametrize(
+    ("steps", "taken"), [((), True), ((1e-3, 1e-7, 1e-12), True), ((1e-3, 1e-7), False), ((1e-3, 2e-3, 1e-12), False)]
+)
+def test_a_near_estimate_is_taken_if_newton_contracts_from_it_and_ends_at_round_off(steps, taken):
+    """What is near is asked nothing else; from a root itself there is no step."""
+    q = np.zeros(3)
+    system = SimpleNamespace(n=3, of_bodies=3, to_unit=np.array)
+    scene = SimpleNamespace(mechanism=SimpleNamespace(bodies=[Body(name="bar", estimate=(0.0, 0.0, 0.0))]))
+    task = SimpleNamespace(system=system, scene=scene, made=SimpleNamespace(core=[2]))
+    task._first = lambda _: SimpleNamespace(levels=[q], steps=steps)
+
+    assert (module._Task._near_estimate(task, ()) is not None) is taken
