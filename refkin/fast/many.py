@@ -22,7 +22,7 @@ from refkin.fast.elimination.run import block_samples
 from refkin.fast.family import Family, family
 from refkin.fast.given import Estimates, Geometry
 from refkin.fast.prepare import upstream
-from refkin.joints import PLANE
+from refkin.joints import PLANE, polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
 from refkin.system import compile_system
@@ -77,6 +77,9 @@ class Many:
         Certified radii as in `Slice`; None if not asked for, or given to a reducer.
     reduced : list
         What the reducer returned, in the order of its calls.
+    unseen : str
+        What may lead past something between two times and back, and is not looked at, in words; "" where one law alone
+        moves one loop, whose poses are then between those at the ends of a step.
     """
 
     family: Family
@@ -89,6 +92,7 @@ class Many:
     residual: Any
     radii: Any
     reduced: list[Any]
+    unseen: str
 
     @property
     def ok(self) -> Any:
@@ -114,9 +118,9 @@ def solve_many(
     """Return position and what else the scene calls for, for many mechanisms of one topology.
 
     A sample goes on the branch of its own estimate. It is ok as long as Newton contracts, no determinant changes its
-    sign and the residual, by the formulas of the joints, is at round-off; what several laws together, a cam's profile,
-    or a loop that another one moves pass between two times and come back from is not seen. A sample that fails is not
-    ok from there on, and the others do not wait for it: it is neither searched for nor proved unassemblable. That does
+    sign and the residual, by the formulas of the joints, is at round-off; what some mechanisms pass between two times
+    and come back from is not seen: `Many.unseen` says whether these are such. A sample that fails is not ok from there
+    on, and the others do not wait for it: it is neither searched for nor proved unassemblable. That does
     `refkin.solve(many.scene(sample))`, which also has condition numbers; they are not computed here. Certificates are,
     if the scene asks for them: a pose that is ok and has none is at round-off and on its branch, but not proved. A
     sample with numbers that no scene may have is never ok; `many.scene(sample)` says what is wrong with it.
@@ -233,4 +237,14 @@ class _Result:
         residual = None if self.residual is None else self.residual.T
         radii = None if self.radii is None else np.swapaxes(self.radii, 1, 2)
         wanted = self.group.scene.wanted
-        return Many(self.group, self.t, wanted, self.codes.T, q, qd, qdd, residual, radii, self.reduced)
+        return Many(self.group, self.t, wanted, self.codes.T, q, qd, qdd, residual, radii, self.reduced, self.unseen())
+
+    def unseen(self) -> str:
+        """Return in words what is not looked at between two times; "" if there is no such thing."""
+        constraints = self.group.system.mechanism.constraints
+        there = {
+            "several laws together": sum(len(c.laws) for c in constraints) > 1,
+            "a cam's profile": bool(polar_cams(constraints)),
+            "a loop that another one moves": len(self.made.marching.outputs.determinants) > 1,
+        }
+        return ", ".join(what for what, is_there in there.items() if is_there)

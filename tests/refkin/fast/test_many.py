@@ -14,6 +14,7 @@ import pytest
 import refkin
 from refkin import (
     AngleDriver,
+    Body,
     Distance,
     DistanceDriver,
     Effect,
@@ -278,6 +279,22 @@ def test_groups_that_nobody_wants_are_not_computed():
 
     assert many.ok.all()
     assert len(many.family.scene.mechanism.bodies) == 3
+
+
+def test_many_mechanisms_say_what_is_not_looked_at_between_two_times():
+    def unseen(given, joint):
+        return solve_many(replace(given, times=given.times[:2]), {joint: {"point_j": (np.zeros(2), 0.0)}}).unseen
+
+    wheel = Body(name="wheel", estimate=(9.0, 0.0, 0.0))
+    pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
+    motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
+    m = ROCKER.scene().mechanism
+    two = replace(m, bodies=(*m.bodies, wheel), joints=(*m.joints, pin), drivers=(*m.drivers, motor))
+
+    assert unseen(ROCKER.scene(), "A0") == ""
+    assert unseen(replace(ROCKER.scene(), mechanism=two), "A0") == "several laws together"
+    assert unseen(chain(2), "foot0") == "a loop that another one moves"
+    assert unseen(SCENES["tip on lobes"], "pin of cam") == "a cam's profile"
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "crank by its rate"])
