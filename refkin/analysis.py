@@ -89,7 +89,7 @@ def sweep(scene: Scene) -> Motion:
     """Return the motion of a scene: from its estimates to the first pose, then from one time to the next.
 
     The status of a time is `ok` if the residual is round-off and sigma_min above `SINGULAR`, whatever laws do between
-    two times; `singular` if sigma_min is not; `not_converged` if no pose is found; `branch_lost` after one that is not ok.
+    two times; `singular` if sigma_min is not; `not_converged` where Newton finds none; `branch_lost` after one not ok.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimate_of(system, scene), scene.times[0])

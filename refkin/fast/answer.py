@@ -155,7 +155,7 @@ def _evidence(
     count = len(t)
     sigma_min, condition = nowhere(count), nowhere(count)
     proved = Evidence.CERTIFICATE in scene.evidence
-    if not proved and not has_digits(levels[0]).all():
+    if not proved and not has_digits(system, levels[0], t).all():
         return None
     asked = Evidence.CONDITION in scene.evidence
     near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))

@@ -22,7 +22,7 @@ from refkin.model import Evidence
 from refkin.motion import Status
 from refkin.newton import CONTRACTION, ROUND_OFF
 from refkin.proof.numbers.extrema import extrema_of
-from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.numbers.inputs import half_ulp, laws_have_digits
 from refkin.system import compile_system
 
 CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
@@ -252,8 +252,13 @@ class Block:
         return march
 
     def _check(self, t: float, code: int) -> None:
-        """Give a code to the samples that the formulas a person reads do not accept."""
-        q = self.space.level(0)
+        """Give a code to the samples that the formulas a person reads do not accept.
+
+        Nor is one ok whose rates are not finite, or, where nothing is proved, whose laws have no digits.
+        """
+        q, highest = self.space.level(0), self.space.level(self.made.levels - 1)
+        told = np.isfinite(np.add.reduce(highest)) & (self.proof is not None or laws_have_digits(self.system, t))
+        self.codes[self.alive & ~told] = code
         self.residual = residual_of_rows(self.system, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size

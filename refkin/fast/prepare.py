@@ -45,7 +45,8 @@ class Prepared:
         """The laws' values at all times, by constraint, law and order: (T,) each."""
         order = 2  # the march predicts by rates, whatever is called for
         placed = enumerate(self.system.placed)
-        return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+        with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
+            return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
 
     @cached_property
     def longest(self) -> float:

@@ -177,7 +177,7 @@ class _Answer:
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        told = regular & has_digits(self.q[:, samples])
+        told = regular & has_digits(self.system, self.q[:, samples], self.t[samples])
         ok = np.where(proved or redundant, False, self._closed(samples) & told)
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import SINGULAR
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, product, read
 from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
 from refkin.system import System
@@ -17,9 +18,34 @@ A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
 """Eight half-ulps of a number, at least of the size: what is left of one that was computed before it was written."""
 
 
-def has_digits(q: Any) -> Any:
-    """Return at which poses (n, B) rounding of the coordinates themselves is too little to be asked about, (B,)."""
-    return U * np.max(np.abs(q), axis=0) <= SINGULAR
+def has_digits(system: System, q: Any, t: Any) -> Any:
+    """Return at which poses (n, B) rounding of coordinates and laws is too little to be asked about, (B,)."""
+    return (U * np.max(np.abs(q), axis=0) <= SINGULAR) & laws_have_digits(system, t)
+
+
+def laws_have_digits(system: System, t: Any) -> Any:
+    """Return at which times rounding of the laws is too little to be asked about.
+
+    A law may be small where what it adds up is large: then its value has no more digits than that.
+    """
+    largest = 0.0 * np.asarray(t, float)
+    for constraint in (p.constraint for p in system.placed if p.constraint.laws):
+        _, factor = constraint.law_scale(system.unit)
+        for law in constraint.laws:
+            largest = np.maximum(largest, _added_up(law, np.abs(t)) / factor)
+    return U * largest <= SINGULAR
+
+
+def _added_up(law: Law, t: Any) -> Any:
+    """Return about how large the numbers are that a law adds up within times t (B,), none below 0."""
+    if isinstance(law, Integral):
+        return abs(law.initial) + t * _added_up(law.rate, t)
+    if isinstance(law, Sinusoid):
+        return abs(law.offset) + abs(law.amplitude) * (1.0 + abs(law.angular_frequency) * t + abs(law.phase))
+    if isinstance(law, Polynomial):
+        return Polynomial(coefficients=tuple(map(abs, law.coefficients)))(t)
+    assert isinstance(law, Table)
+    return max(map(abs, law.value)) + 0.0 * t
 
 
 def half_ulp(system: System, q: Any, order: int = 0) -> Any:
