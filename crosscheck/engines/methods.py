@@ -335,7 +335,7 @@ def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
 def undisturbed() -> Iterator[None]:
     """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
     folder = Path.cwd()
-    with np.errstate(), warnings.catch_warnings():
+    with np.errstate(all="ignore"), warnings.catch_warnings():
         try:
             yield
         finally:

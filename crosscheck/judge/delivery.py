@@ -291,8 +291,8 @@ def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:
 
 
 def _falls(motion: Motion, k: int) -> bool:
-    """Return whether sigma_min may fall further beside a minimum: not if both its neighbours are hardly larger."""
-    beside = motion.sigma_min[[k - 1, k + 1]] if 0 < k < len(motion.t) - 1 else np.array([np.inf])
+    """Return whether sigma_min may fall further beside a minimum: not if its neighbours are hardly larger."""
+    beside = motion.sigma_min[max(k - 1, 0) : k + 2]
     return not np.max(beside) < FALLS * motion.sigma_min[k]
 
 

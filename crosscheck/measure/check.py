@@ -137,6 +137,7 @@ class _Subject:
     as_expected: bool
     uses: tuple[Use, ...] = (Use.COMPARE,)
     excuse: tuple[float, float] | None = None
+    poses: dict[float, tuple[float, float] | None] = field(default_factory=dict)
 
     @cached_property
     def handed(self) -> Scene:
@@ -167,7 +168,9 @@ class _Subject:
 
     def excused(self, first: float) -> bool:
         """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted as `excuse`."""
-        pose = excuse(self.ref, first, REGULAR)
+        if first not in self.poses:
+            self.poses[first] = excuse(self.ref, first, REGULAR)
+        pose = self.poses[first]
         self.excuse = pose or self.excuse
         return pose is not None
 

@@ -12,7 +12,10 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
-from crosscheck.judge.delivery import _falls, _narrowed, _within, singular_between
+from crosscheck.judge import delivery
+from crosscheck.judge.delivery import NARROWED, _falls, _narrowed, _within, singular_between
+from crosscheck.judge.records import Cause
+from crosscheck.measure import check as checking
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
 from refkin.motion import Status
@@ -101,3 +104,20 @@ def test_a_minimum_is_narrowed_from_the_pose_before_it_if_there_is_one(before, f
 
     assert (narrowed.times[0], narrowed.times[-1]) == (first, 1.0)
     assert narrowed.mechanism.bodies[0].estimate == tuple(solved.q[:3, k].tolist())
+
+
+def test_a_regular_motion_is_looked_into_once_beside_each_of_its_smallest_values(monkeypatch):
+    solved = []
+    monkeypatch.setattr(delivery, "solve", lambda scene: solved.append(scene) or refkin.solve(scene))
+
+    assert singular_between(REGULAR_MOTION, REGULAR) is None
+    assert len(solved) <= 1 + 2 * NARROWED
+
+
+def test_a_scene_is_looked_into_once_for_all_that_give_no_answer_from_a_time_on(monkeypatch):
+    asked = []
+    monkeypatch.setattr(checking, "excuse", lambda *some: asked.append(some))
+    record = check(REGULAR_MOTION, [Mute(), Mute()])
+
+    assert [d.kind for d in record.disagreements] == [Cause.NO_ANSWER] * 2
+    assert len(asked) == 1

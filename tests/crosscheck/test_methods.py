@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import warnings
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import PRICED, Use, method, methods
+from crosscheck.engines.methods import PRICED, Use, method, methods, undisturbed
 from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
@@ -278,3 +279,10 @@ def test_the_fastest_method_of_an_engine_takes_any_loops_of_revolute_joints_and_
     truth = CertifiedTruth(SLIDER)
 
     assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, SLIDER, 2))) > 13.0
+
+
+def test_what_an_engine_computes_beyond_all_numbers_is_no_warning_of_ours():
+    with warnings.catch_warnings(record=True) as warned, undisturbed():
+        product = np.array([1e300]) * 1e300
+
+    assert (product[0], warned) == (math.inf, [])
