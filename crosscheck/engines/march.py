@@ -3,8 +3,10 @@
 The first pose is Newton's from an estimate. From there rough poses at a few times, cubics (Hermite) between them and
 Newton at every time give poses of which none is believed yet. A step from one to the next is taken if Newton contracts
 at once from the tangent of the first and no singular Jacobian can lie between the two; steps that fail are halved, all
-at once. What is left is done one step after another, halved further until Newton contracts. So no pose is ever taken
-that the tangent of the pose before it does not lead to, and a motion ends where its assembly ends.
+at once. Poses that went over to a branch that nearly meets this one are found anew from the one on this branch beside
+the first of them. What is left is done one step after another, halved further until Newton contracts. So no pose is
+ever taken that the tangent of the pose before it does not lead to, or towards an end the cubic through the two before
+it, and a motion ends where its assembly ends.
 
 A velocity, and with it the first derivative of each law, is taken of a scene too that calls for positions alone: the
 difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
@@ -52,6 +54,10 @@ FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
 """The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""
+ALONG = 1e-5
+"""How far from a pose [rad, sizes] it is asked how its Jacobian changes."""
+LEFT_OVER = 1.0 / 64.0
+"""The part of what is left of a branch to its end that a step towards it leaves."""
 CERTAIN = 1.0 / 16.0
 """The part of a step times what the Jacobian changes by on it, up to which a tangent may be off without being asked."""
 GUESSED_WELL = 1e-9
@@ -167,13 +173,18 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     The first follows from `last`.
     """
     t = np.union1d(times, equations.extrema(np.append(last.t, times)))
-    knots = _rough(equations, last, t)
-    t = t[t <= knots[0][-1]]
-    if not len(t):
-        return last[:0], np.zeros(0, bool)
-    poses = close(equations, _cubics(*knots, t), t)
-    poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
+    poses = _reached(equations, last, t)
     side = _sides(last.jacobian)
+    crossed = np.flatnonzero(poses.regular & (_sides(poses.jacobian) != side))[:1]
+    if crossed.size:
+        k = int(crossed[0])
+        other = _mirrored(equations, poses[k : k + 1])
+        if other.regular[0] and _sides(other.jacobian)[0] == side[0]:
+            poses = Poses.joined((poses[:k], other, _reached(equations, other, t[k + 1 :])))
+    if not len(poses.t):
+        return poses, np.zeros(0, bool)
+    t = poses.t
+    poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])
         bad = bad[_passable(poses[bad], poses[bad + 1]) & (_sides(poses.jacobian[bad + 1]) == side)][:MOST_DIVIDED]
@@ -187,6 +198,26 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     at = np.searchsorted(poses.t, times[times <= t[-1]])
     failed = np.append(0, np.cumsum(~kept))
     return poses[at], np.diff(failed[at], prepend=0) == 0
+
+
+def _reached(equations: Equations, last: Poses, t: Array) -> Poses:
+    """Return the poses at those of the times t to which rough poses lead from `last`."""
+    knots = _rough(equations, last, t)
+    t = t[t <= knots[0][-1]]
+    return close(equations, _cubics(*knots, t), t) if len(t) else last[:0]
+
+
+def _mirrored(equations: Equations, pose: Poses) -> Poses:
+    """Return the pose at the same time on the branch that nearly meets that of `pose`.
+
+    The two lie on a line along which J changes most relative to itself, as far on either side of where it is singular.
+    """
+    inverse = pose.inverse[0]
+    line = inverse[:, np.argmax(np.linalg.norm(inverse, axis=0))]
+    line = line / np.linalg.norm(line)
+    _, jacobian = equations.rows(pose.q + ALONG * line, pose.t)
+    bend = float(line @ inverse @ jacobian[0] @ line - 1.0) / ALONG
+    return close(equations, pose.q - 2.0 / bend * line, pose.t) if abs(bend) * TRUST >= 2.0 else pose
 
 
 def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> tuple[Poses, Any]:
@@ -208,17 +239,17 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
         now = t[target : target + 1]
-        guess = _hermite(at[-2:], q[-2:], qd[-2:], float(now[0]))
-        predicted = guess
+        predicted = guess = _hermite(at[-2:], q[-2:], qd[-2:], float(now[0]))
+        both = np.empty((1, last.jacobian.shape[1], 2))
+        both[:, :, 1] = equations.nu(guess, now)
         for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
-            residual, jacobian = equations.rows(guess, now)
-            correction = solve(jacobian, residual)
-            guess = guess - correction
-            if not ROUGH < largest(correction)[0] <= 1.0:
+            both[:, :, 0], jacobian = equations.rows(guess, now)
+            correction, rate = solve(jacobian, both).transpose(2, 0, 1)
+            guess, size = guess - correction, float(largest(correction)[0])
+            if not ROUGH < size <= 1.0:
                 break
-        rate = solve(jacobian, equations.nu(guess, now))
-        off = largest(guess - predicted)[0]
-        if (stride == 1 or off <= TRUST) and largest(correction)[0] <= ROUGH and np.isfinite(rate).all():
+        off = float(largest(guess - predicted)[0])
+        if (stride == 1 or off <= TRUST) and size <= ROUGH and math.isfinite(rate.sum()):
             k = target
             at.append(float(t[k]))
             q.append(guess)
@@ -267,9 +298,9 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     """Return guesses and times within steps from poses a to poses b, on cubics through both in the space of q and t.
 
     A step fails where a singular pose is near, and J^-1 goes about as the inverse of the way that is left to it: so the
-    parts become smaller towards the place where that way ends, from either side, one more than it takes until they are
-    as small as the way that is left at the other end. In the space of q and t, because towards a fold a coordinate goes
-    as the root of the time that is left.
+    parts become smaller towards the place where that way ends, from either side, three more than it takes until they
+    are as small as the way that is left at the other end. In the space of q and t, because towards a fold a coordinate
+    goes as the root of the time that is left.
     """
     h, move = b.t - a.t, b.q - a.q
     length = np.maximum(largest(move), EPS)
@@ -282,7 +313,7 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     worst = (near / (near + far))[:, None]
     part = np.arange(1.0, PARTS + 1.0)
     left = [
-        np.where(part <= 1.0 + np.log(end) / math.log(CLOSER), CLOSER**part, np.nan) for end in (1.0 - worst, worst)
+        np.where(part <= 3.0 + np.log(end) / math.log(CLOSER), CLOSER**part, np.nan) for end in (1.0 - worst, worst)
     ]
     u = np.append(worst * (1.0 - left[0]), 1.0 - (1.0 - worst) * (1.0 - left[1]), axis=1)[:, :, None]
     rise, one_slope, other = (ends[1] - ends[0])[:, None], slopes[0][:, None], slopes[1][:, None]
@@ -326,25 +357,48 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVINGS) -> Poses:
     """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts.
 
-    A step that went is followed by one twice as long, or as long if the one tried before it did not go.
+    A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
+    the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. It ends where a
+    singular pose follows on a short step, or none on the shortest.
     """
     first, step, failed = last, t - float(last.t[0]), False
-    smallest = math.ldexp(step, -halvings)
+    before, end = last, math.inf
+    smallest, ended = (math.ldexp(step, -times) for times in (halvings, halvings // 2))
     for _ in range(ATTEMPTS):
         now = float(last.t[0])
+        if not failed:
+            step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
         target = min(t, now + step)
-        pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=last.q)
+        pose = close(equations, _ahead(before, last, end, target), np.array([target]), near=last.q)
         off = 0.0 if pose.regular[0] else SINGULAR
         joined = bool(pose.known[0] and connected(last.inverse, pose.jacobian, off)[0])
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
-            last, step, failed = pose, step if failed else 2.0 * step, False
+            before, last, step, failed = last, pose, step if failed else 2.0 * step, False
+            end = _end(before, last)
         else:
             step, failed = 0.5 * (target - now), True
-            if step < smallest:
+            if step < smallest or (joined and step < ended):
                 return _fold(equations, last, t) if halvings == HALVINGS else nowhere(first, t)
     return nowhere(first, t)
+
+
+def _end(a: Poses, b: Poses) -> float:
+    """Return the time at which a branch seems to end that goes from pose a to b: rates go as the root of what is left.
+
+    So the inverses of their squares go straight to zero there.
+    """
+    left, now = (float(1.0 / np.vdot(pose.qd, pose.qd)) for pose in (a, b))
+    return float(b.t[0]) + float(b.t[0] - a.t[0]) * now / (left - now) if now < left < math.inf else math.inf
+
+
+def _ahead(a: Poses, b: Poses, end: float, t: float) -> Array:
+    """Return coordinates (1, n) at t on the tangent of pose b; by a cubic in the root of what is left before an end."""
+    if end == math.inf or t >= end:
+        return b.q + (t - float(b.t[0])) * b.qd
+    roots = [math.sqrt(end - float(at)) for at in (a.t[0], b.t[0], t)]
+    return _hermite(roots[:2], (a.q, b.q), (-2.0 * roots[0] * a.qd, -2.0 * roots[1] * b.qd), roots[2])
 
 
 def _fold(equations: Equations, last: Poses, t: float) -> Poses:

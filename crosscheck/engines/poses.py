@@ -183,17 +183,19 @@ def norm(matrix: Array) -> Array:
 def solve(matrix: Array, right: Array) -> Array:
     """Return x (B, n) with matrix (B, m, n) x = right (B, m), by least squares if rows are redundant.
 
-    NaN where there is no finite one.
+    Or several, (B, n, k) of (B, m, k). NaN where there is no finite one.
     """
     _, m, n = matrix.shape
+    if right.ndim == 2:
+        return solve(matrix, right[:, :, None])[:, :, 0]
     if n != m:
-        inverse, column = inverses(matrix), right[:, :, None]
-        x = inverse @ column
-        x = (x + inverse @ (column - matrix @ x))[:, :, 0]  # a product with an inverse leaves more than rounding
+        inverse = inverses(matrix)
+        x = inverse @ right
+        x = x + inverse @ (right - matrix @ x)  # a product with an inverse leaves more than rounding
     else:
-        x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
+        x = _each(np.linalg.solve, matrix, right, out=right)
     if not math.isfinite(x.sum()):
-        x[~np.isfinite(x).all(axis=1)] = np.nan
+        x[~np.isfinite(x).all(axis=(1, 2))] = np.nan
     return x
 
 
@@ -245,30 +247,29 @@ class Tabulated:
     """A law whose values are kept; at `times`, those that will be asked for, it is asked once for all of them."""
 
     def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
-        self.law, self._times = law, np.array(times)
-        self._tables = dict[int, Array]()
-        self._known = dict[tuple[int, float | bytes], Any]()
+        self.law, self._times = law, tuple(times)
+        self._values = dict[int, dict[float, float]]()
+        self._rows = dict[tuple[int, bytes], Array]()
 
     def __call__(self, t: Any, order: int) -> Any:
         """Return the derivative of the given order at a time, or at times (B,): then read-only."""
-        single = isinstance(t, float)
-        key = order, t if single else t.tobytes()
-        if key not in self._known:
-            self._known[key] = float(self.law(t, order)) if single else self._row(t, order)
-        return self._known[key]
+        if isinstance(t, float):
+            known = self._values.setdefault(order, {})
+            if t not in known:
+                known[t] = float(self.law(t, order))
+            return known[t]
+        key = order, t.tobytes()
+        if key not in self._rows:
+            self._rows[key] = self._row(t.tolist(), order)
+        return self._rows[key]
 
-    def _row(self, t: Array, order: int) -> Array:
-        if not len(self._times):
-            return self._asked(t, order)
-        if order not in self._tables:
-            self._tables[order] = self._asked(self._times, order)
-        at = np.minimum(np.searchsorted(self._times, t), len(self._times) - 1)
-        row: Array = self._tables[order][at]
-        new = self._times[at] != t
-        if new.any():
-            row[new] = self._asked(t[new], order)
+    def _row(self, times: list[float], order: int) -> Array:
+        known = self._values.setdefault(order, {})
+        new = [t for t in times if t not in known]
+        if new:
+            asked = new if known else list(dict.fromkeys((*self._times, *new)))
+            values = np.broadcast_to(self.law(np.array(asked), order), len(asked))
+            known.update(zip(asked, values.tolist(), strict=True))
+        row = np.array([known[t] for t in times])
         row.flags.writeable = False
         return row
-
-    def _asked(self, t: Array, order: int) -> Array:
-        return np.broadcast_to(np.asarray(self.law(t, order), float), t.shape)

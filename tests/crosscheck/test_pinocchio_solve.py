@@ -13,7 +13,6 @@ import pytest
 
 from crosscheck.engines import march
 from crosscheck.engines.pinocchio.engine import Pinocchio
-from crosscheck.engines.pinocchio.model import PlanarModel
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import TreeSystem
@@ -140,7 +139,7 @@ FAULTS: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
     "sign of nu": (TreeSystem, "nu", lambda f: lambda *a: -f(*a)),
     "driver rate forgotten": (TreeSystem, "_law", of_law(1)),
     "driver acceleration forgotten": (TreeSystem, "_law", of_law(2)),
-    "drift of points forgotten": (PlanarModel, "point_acceleration", lambda f: lambda *a: lambda: 0.0 * f(*a)()),
+    "drift of points forgotten": (Rows, "drift", lambda f: lambda *a: [*f(*a)[:-1], 0.0 * f(*a)[-1]]),
     "a length off by 1e-9": (JointTree, "scaled", long_coupler),
     "other branch": (JointTree, "start", other_branch),
 }

@@ -199,9 +199,10 @@ class PinocchioTree:
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points: one call of forward kinematics a pose."""
         given = [level for level in (q, qd, qdd) if level is not None]
-        levels, targets = self._at(places).motion(len(q), len(given))
+        points = self._at(places)
+        kept, targets = points.kept(len(q), len(given))
         self.planar.sampled(self.planar.place if qd is None else self.planar.move, given, targets)
-        return levels
+        return points.motion(kept)
 
     def contacts(self) -> tuple[list[Any], list[Any]]:
         """Return Pinocchio's constraints of the closures, and their data."""

@@ -67,7 +67,7 @@ class PlanarModel:
     def begin(self) -> None:
         """Make what Pinocchio writes to; once more for a model that was changed."""
         self.data = self.model.createData()
-        self.placed = list(self.data.oMi)  # views: whatever places the model fills them
+        self.known = [list(of_joints) for of_joints in (self.data.oMi, self.data.v, self.data.a)]
 
     def place(self, q: Array) -> None:
         """Place everything at q, and the columns of the Jacobians."""
@@ -96,10 +96,6 @@ class PlanarModel:
         """Return the shape of a Jacobian: Pinocchio hands over a single column as a vector."""
         return (rows,) if self.model.nv == 1 else (rows, self.model.nv)
 
-    def point(self, frame: Frame) -> Callable[[], Array]:
-        """Return what reads where a placed frame is, (3,)."""
-        return partial(self.placed[frame.joint].act, frame.placement.translation)
-
     def point_jacobian(self, frame: Frame) -> Callable[[], Array]:
         """Return what reads the Jacobian of a placed frame, its shape `columns(6)`."""
         if self.model.nv == 0:  # Pinocchio ends the process with a segmentation fault
@@ -120,28 +116,58 @@ class PlanarModel:
 
 
 class Points:
-    """Points of frames, as what is to be read of them at B poses, and the arrays that it is read into."""
+    """Points of frames at B poses, from the placements, velocities and accelerations of joints that Pinocchio has.
+
+    Pinocchio states motions in the joint's own axes, the linear part first; reading a point's costs ten times as much.
+    """
 
     def __init__(self, planar: PlanarModel, frames: Sequence[Frame] = ()) -> None:
         self._nv, self._columns = planar.model.nv, planar.columns(6)
         self._slopes = [planar.point_jacobian(frame) for frame in frames]
-        kinds = (planar.point, planar.point_velocity, planar.point_acceleration)
-        self._levels = [[kind(frame) for frame in frames] for kind in kinds]
+        joints = list(dict.fromkeys(frame.joint for frame in frames))
+        self._joints = [joints.index(frame.joint) for frame in frames]
+        self._u = np.array([frame.placement.translation[:2] for frame in frames]).reshape(-1, 2)
+        placed, velocities, accelerations = ([of[joint] for joint in joints] for of in planar.known)
+        self._views: list[tuple[tuple[int, ...], list[Any]]] = [  # what moves the model fills them
+            ((3, 3), [joint.rotation for joint in placed]),
+            ((3,), [joint.translation for joint in placed]),
+            ((6,), [joint.vector for joint in velocities]),
+            ((6,), [joint.vector for joint in accelerations]),
+        ]
 
     def jacobians(self, count: int) -> tuple[Array, list[Target]]:
         """Return the Jacobians (B, P, 2, nv) of the points."""
         out = np.empty((count, len(self._slopes), *self._columns))
-        return out.reshape(*out.shape[:2], 6, self._nv)[:, :, :2], _targets(self._slopes, out)
+        return out.reshape(*out.shape[:2], 6, self._nv)[:, :, :2], [(s, out[:, k]) for k, s in enumerate(self._slopes)]
 
-    def motion(self, count: int, levels: int) -> tuple[list[Array], list[Target]]:
-        """Return positions, velocities and accelerations (B, P, 2) of the points, as many levels as are wanted."""
-        out = np.empty((levels, count, len(self._slopes), 3))
-        pairs = zip(self._levels, out, strict=False)
-        return list(out[..., :2]), [target for reads, level in pairs for target in _targets(reads, level)]
+    def kept(self, count: int, levels: int) -> tuple[list[Array], list[Target]]:
+        """Return arrays for what `motion` is made of, for as many levels as are wanted."""
+        views = self._views[: levels + 1]
+        out = [np.empty((count, len(joints), *shape)) for shape, joints in views]
+        pairs = zip(views, out, strict=True)
+        return out, [(_reading(view), kept[:, k]) for (_, joints), kept in pairs for k, view in enumerate(joints)]
+
+    def motion(self, kept: Sequence[Array]) -> list[Array]:
+        """Return positions, velocities and accelerations (B, P, 2), as many as were kept."""
+        if not self._joints:
+            return [np.empty((len(kept[0]), 0, 2)) for _ in kept[1:]]
+        rotations, *known = (of_joints[:, self._joints] for of_joints in kept)
+        own = [np.broadcast_to(self._u, known[0][..., :2].shape)]
+        own += [motion[..., :2] + motion[..., 5:] * _turned(own[0]) for motion in known[1:]]
+        if len(own) > 2:
+            own[2] += known[1][..., 5:] * _turned(own[1])
+        levels = [(rotations[..., :2, :2] @ level[..., None])[..., 0] for level in own]
+        levels[0] += known[0][..., :2]
+        return levels
 
 
-def _targets(reads: Sequence[Callable[[], Any]], out: Array) -> list[Target]:
-    return [(read, out[:, k]) for k, read in enumerate(reads)]
+def _reading(view: Any) -> Callable[[], Any]:
+    return lambda: view
+
+
+def _turned(vectors: Array) -> Array:
+    """Return vectors (..., 2) turned by a quarter."""
+    return vectors[..., ::-1] * (-1.0, 1.0)
 
 
 def shift(u: Pair) -> Any:

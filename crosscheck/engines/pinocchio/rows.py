@@ -199,12 +199,12 @@ class Rows:
     def both(self, q: Array, points: Points) -> tuple[Array, Array, Array, Array]:
         """Return residual (B, count) and Jacobian (B, count, nv) at q (B, nv), points (B, P, 2) and their Jacobians."""
         count = len(q)
-        kept, (r,), slopes, targets = self._kept("still", count, points, 1)
+        kept, of_points, slopes, targets = self._kept("still", count, points, 1)
         self.planar.sampled(self.planar.place, (q,), targets)
         residual, jacobian = np.empty((count, self.count)), np.empty((count, self.count, self.planar.model.nv))
         for row, part, read in zip(self._rows, self._parts, kept, strict=True):
             residual[:, part], jacobian[:, part] = row.closure(q, *read)
-        return residual, jacobian, r.copy(), slopes.copy()
+        return residual, jacobian, *points.motion(of_points), slopes.copy()
 
     def velocity(self, q: Array, qd: Array, points: Points) -> Array:
         """Return the rates (B, count) of the residuals."""
@@ -217,9 +217,9 @@ class Rows:
 
         These are positions, velocities and, at qdd = 0, accelerations (B, P, 2).
         """
-        kept, levels, _, targets = self._kept("bends", len(q), points, 3)
+        kept, of_points, _, targets = self._kept("bends", len(q), points, 3)
         self.planar.sampled(self.planar.move, (q, qd), targets)
-        return -self._changes(kept, len(q)), *(level.copy() for level in levels)
+        return -self._changes(kept, len(q)), *points.motion(of_points)
 
     def _kept(self, what: str, count: int, points: Points, levels: int) -> Any:
         """Return arrays for what is read of each row and of points at so many poses, and the targets of both."""
@@ -227,7 +227,7 @@ class Rows:
         if key not in self._work:
             reads = [getattr(row, what) for row in self._rows]
             kept = [[np.empty((count, *shape)) for _, shape in row] for row in reads]
-            of_points, more = points.motion(count, levels)
+            of_points, more = points.kept(count, levels)
             slopes, most = points.jacobians(count) if what == "still" else (None, [])
             pairs = zip(chain.from_iterable(reads), chain.from_iterable(kept), strict=True)
             targets = [*((read, out) for (read, _), out in pairs), *more, *most]
