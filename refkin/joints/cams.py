@@ -146,7 +146,9 @@ class Cam(BetweenPoints):
     def reach(self) -> float:
         if isinstance(self.profile, Disc):
             return self.profile.radius
-        return abs(float(self.profile.law(min(max(0.0, self.profile.law.domain()[0]), self.profile.law.domain()[1]))))
+        low, high = self.profile.law.domain()
+        distance: float = abs(self.profile.law(min(max(0.0, low), high)))
+        return distance
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         """Return the two points, then what the follower's formulas take, as `contact_kinematics` has it in a table."""

@@ -658,3 +658,24 @@ def test_a_sample_whose_corrections_do_not_shrink_enough_is_not_answered_at_once
     block = SimpleNamespace(alive=np.array([True, True, True, False]), _iterate=lambda most: (corrections, late))
 
     assert Block._newton(block).tolist() == [False, True, False, False]
+
+
+def test_profiles_of_many_cams_may_differ():
+    """A knife edge over the pivot is as high as the profile, at the angle that the cam has turned under it."""
+    profile = refkin.Polar(law=Sinusoid(amplitude=0.2, angular_frequency=2.0, offset=1.0))
+    bodies = tuple(refkin.Body(name=name, estimate=(0.0, y, 0.0)) for name, y in (("cam", 0.0), ("edge", 1.0)))
+    at = {"body_i": "ground", "point_i": (0.0, 0.0), "point_j": (0.0, 0.0)}
+    joints = (
+        Revolute(name="pivot", body_j="cam", **at),
+        refkin.Prismatic(name="guide", body_j="edge", axis_i=(0.0, 1.0), **at),
+        refkin.Cam(name="cam", **{**at, "body_i": "cam"}, body_j="edge", profile=profile, follower="point"),
+    )
+    driver = AngleDriver(name="motor", body="cam", law=Polynomial(coefficients=(0.0, 1.0)))
+    scene = refkin.Scene(mechanism=Mechanism(bodies=bodies, joints=joints, drivers=(driver,)), times=(0.0, 0.3, 0.6))
+    amplitudes = np.array([0.1, 0.2, 0.3])
+
+    many = solve_many(scene, {"cam": {"profile": replace(profile, law=replace(profile.law, amplitude=amplitudes))}})
+
+    assert many.ok.all()
+    heights = 1.0 + amplitudes[:, None] * np.sin(2.0 * (math.pi / 2 - np.array(scene.times)))
+    assert np.max(np.abs(many.q[4] - heights)) < 1e-15
