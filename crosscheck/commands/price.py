@@ -17,7 +17,7 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError
-from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
+from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import WITHIN, PriceList
 from crosscheck.measure.price import price as measured
@@ -145,6 +145,7 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
         "one pose now: started at the pose before it, with the model built; bulk: 1,000 poses; all of processor time",
         "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
+        f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many",
     ]
     if times["priced"] < times["asked"]:
         out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")

@@ -9,6 +9,8 @@ from typing import Any
 
 STEPS = (3, 6, 9, 12, 14)
 """The digits whose cheapest method is named."""
+CONTENDS = 3.0
+"""A setting that takes so many times as long as the cheapest with as many digits is timed once: it decides nothing."""
 POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
 """Who asks: somebody who needs one pose at once, one cycle, or a thousand poses and more."""
 SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}

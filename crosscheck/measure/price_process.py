@@ -6,18 +6,20 @@ process says what it is at before it begins with it, so that a method that ends 
 
 from __future__ import annotations
 
+import math
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import Method, Model, Use, methods
+from crosscheck.engines.methods import OURS, Method, Model, Use, methods
 from crosscheck.judge.comparison import begun_at
+from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, offers
 from crosscheck.judge.truth import CertifiedTruth, NoTruth, levels_or_nothing
 from crosscheck.scenes.names import order_of
 from crosscheck.workers.processes import Failure, told_if_raised
@@ -35,14 +37,17 @@ SHARES = {"one": 0.25, "cycle": 0.55, "bulk": 1.0}
 """Until which part of the time that is left after the answers each is done."""
 BULK_ANSWERS = 0.5
 """Which part of the time for bulk goes to answers, which are read and judged; the rest to timings."""
-CALLS_NEEDED = 8
-"""Calls that a timing takes at least: two that say how long one takes, three rounds with a call before each."""
+CALLS_NEEDED, LONG_CALLS_NEEDED = 8, 4
+"""Calls that a timing takes at least: two that say how long one takes, three rounds with a call before each; of `LONG`
+ones none before another."""
 EVERY = 1.0
 """A process says at least this often what it is at [s], as long as that can be interrupted."""
 BUILDS = 2
 """How often a model is built to see what that takes."""
 
 Key = tuple[str, str, str]
+Digits = dict[str, tuple[float | None, str]]
+"""Quantity -> digits, None if there is no answer, and what is to be said of them."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +127,13 @@ def _open(producers: Sequence[str], failed: set[Key], pipe: Any) -> Iterator[Met
 
 @dataclass
 class _Run:
-    """A method with its models: poses -> one for each scene; how long a call takes for so many [s]."""
+    """A method with its models: poses -> one for each scene; how long a call takes for so many [s], and its digits."""
 
     method: Method
     order: int
     models: dict[str, list[Model]]
     seconds: dict[str, float]
+    digits: dict[str, Digits]
 
     def solve(self, poses: str, order: int) -> None:
         for model in self.models[poses]:
@@ -138,7 +144,7 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
     """Have a method answer a cycle and one pose, say what came of it; return it if it is to be timed."""
     pipe.send(("at", method.key, method.newton_by))
     answer: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
-    run = _Run(method, min(order, method.highest), {}, {})
+    run = _Run(method, min(order, method.highest), {}, {}, {})
     try:
         took = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
         answer["build"] = took if method.asked is None else None  # an engine that is asked anew builds in every call
@@ -156,9 +162,9 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
     return run
 
 
-def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float | None, str]]:
+def _digits(run: _Run, poses: str, question: Question) -> Digits:
     """Have a method answer for so many poses; return its digits, and what is to be said of them, by quantity."""
-    models, fewest = list[Model](), dict[str, tuple[float | None, str]]()
+    models, fewest = list[Model](), Digits()
     took = 0.0
     for scene, truth in question.of(run.method):
         models.append(run.method.model(scene))
@@ -173,7 +179,7 @@ def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float 
         levels = [level[:, :: question.judged] for level in levels_or_nothing(levels, shape, run.order)]
         for k, level in enumerate(levels):
             fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
-    run.models[poses], run.seconds[poses] = models, took
+    run.models[poses], run.seconds[poses], run.digits[poses] = models, took, fewest
     return fewest
 
 
@@ -185,22 +191,27 @@ def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]
 
 
 def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe: Any) -> None:
-    """Time the methods in turns; what does not fit into the time is left with the one call that answered."""
+    """Time in turns what may be the cheapest; others, and what has no time, are left with the call that answered."""
     if poses == "bulk":
         runs = list(_in_bulk(runs, question, end, pipe))
     calls: dict[tuple[Key, int], Callable[[], Any]] = {}
     known: dict[tuple[Key, int], float] = {}
     cost, announcer = 0.0, _Announcer(pipe)
-    for run in best_of_each_first(runs, poses):
-        key, once = run.method.key, run.seconds[poses]
-        pipe.send(("timed", key, poses, -1, once / (len(run.models[poses]) * question.poses), None))
+    for run in runs:
+        per_pose = run.seconds[poses] / (len(run.models[poses]) * question.poses)
+        pipe.send(("timed", run.method.key, poses, -1, per_pose, None))
+    for away, run in nearest_first(runs, poses):
+        key, once, short = run.method.key, run.seconds[poses], run.seconds[poses] < LONG
         orders = [run.order] if run.method.at_once else list(range(run.order + 1))
-        own = (CALLS_NEEDED - 2) * len(orders) * max(once, AT_LEAST)
+        own = (CALLS_NEEDED - 2 if short else LONG_CALLS_NEEDED - 1) * len(orders) * max(once, AT_LEAST)
+        if away > CONTENDS:
+            break
         if cost + own <= end - time.process_time():
             cost += own
             for order in orders:
                 calls[key, order] = partial(announcer.solve, run, poses, order)
-                calls[key, order]()
+                if short:
+                    calls[key, order]()
                 known[key, order] = _seconds(calls[key, order])
     names = {str(k): at for k, at in enumerate(calls)}
     counts = {run.method.key: len(run.models[poses]) * question.poses for run in runs}
@@ -216,26 +227,40 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe
         pipe.send(("timed", key, poses, order, timing.seconds / counts[key], spread))
 
 
-def best_of_each_first(runs: Sequence[_Run], poses: str) -> list[_Run]:
-    """Return the cheapest setting of every method, then the second of each, and so on, each time the cheapest first.
+def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
+    """Return settings with how many times the cheapest one each costs, where it is nearest to that, these first.
 
-    Where time is short some settings are not timed, but no method is without a price.
+    It is held against others with as many of the digits that are asked for, of all and of the engines: there the best
+    setting of each method counts; of its own engine the cheapest alone. What is never so cheap is infinitely far away.
     """
-    met = Counter[Key]()
-    ranked = []
-    for run in sorted(runs, key=lambda run: run.seconds[poses]):
-        engine, name, _ = run.method.key
-        ranked.append((met[engine, name, ""], run))
-        met[engine, name, ""] += 1
-    return [run for _, run in sorted(ranked, key=lambda place: place[0])]
+    by_key, rows = {run.method.key: run for run in runs}, list[dict[str, Any]]()
+    for (engine, method, setting), run in by_key.items():
+        row = {"engine": engine, "method": method, "setting": setting, "newton_by": run.method.newton_by}
+        row[f"microseconds{SUFFIX[poses]}"] = run.seconds[poses]
+        rows += [{**row, "quantity": q, f"digits{SUFFIX[poses]}": d} for q, (d, _) in run.digits[poses].items()]
+    engines = [row for row in rows if row["engine"] not in OURS]
+    own = [([row for row in rows if row["engine"] == engine], 1) for engine in {engine for engine, *_ in by_key}]
+    away = dict.fromkeys(by_key, math.inf)
+    for group, count in ((rows, len(rows)), (engines, len(rows)), *own):
+        for quantity, digits in product(QUANTITIES, STEPS):
+            ranked = offers(group, poses, quantity, digits)[:count]
+            for offer in ranked:
+                key = *offer.name, offer.setting
+                away[key] = min(away[key], offer.microseconds / ranked[0].microseconds)
+    return sorted(((away[key], run) for key, run in by_key.items()), key=lambda pair: (pair[0], pair[1].seconds[poses]))
 
 
 def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) -> Iterator[_Run]:
-    """Yield the methods that have answered in bulk, as long as there is time."""
+    """Yield the methods that have answered in bulk, as long as there is time.
+
+    Of what goes pose by pose, those that may be the cheapest of a cycle: a pose costs as much there.
+    """
     until = end - (1.0 - BULK_ANSWERS) * (end - time.process_time())
-    for run in best_of_each_first(runs, "cycle"):
+    for away, run in nearest_first(runs, "cycle"):
         if time.process_time() > until:
             return
+        if away > CONTENDS and not run.method.at_once:
+            continue
         pipe.send(("at", run.method.key, run.method.newton_by))
         digits = told_if_raised(_digits, run, "bulk", question)
         if isinstance(digits, Failure):

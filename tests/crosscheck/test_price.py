@@ -21,7 +21,7 @@ from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
 from crosscheck.measure.price import price
-from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure, questions
+from crosscheck.measure.price_process import BULK, CYCLE, measure, nearest_first, questions
 from crosscheck.report.measured import measured
 from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
@@ -126,12 +126,6 @@ def test_a_crash_costs_no_other_method_its_price(made_up):
 
 def test_a_method_that_gives_position_alone_has_no_row_for_velocity(made_up):
     assert {r.quantity for r in made_up.rows if r.method == "position alone"} == {"position"}
-
-
-def test_each_quantity_costs_what_it_takes_and_no_more(made_up):
-    costs = [row_of(made_up, "slower with each order", quantity=q).microseconds for q in ("position", "velocity")]
-
-    assert costs == [pytest.approx(400.0, rel=0.2), pytest.approx(1200.0, rel=0.2)]
 
 
 def test_a_price_stands_for_one_pose_now_for_a_cycle_and_for_bulk(made_up):
@@ -295,14 +289,36 @@ def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, command)
     assert "<svg" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-def test_where_time_is_short_every_method_comes_before_the_second_setting_of_any():
-    def run(name, setting, seconds):
-        return SimpleNamespace(method=SimpleNamespace(key=("engine", name, setting)), seconds={"cycle": seconds})
+def test_what_may_be_the_cheapest_is_timed_first_and_what_costs_three_times_as_much_for_no_more_digits_not_at_all():
+    def run(engine, name, seconds, digits):
+        method = SimpleNamespace(key=(engine, name, ""), newton_by="")
+        answered = {quantity: (digits, "") for quantity in ("position", "velocity", "acceleration")}
+        return SimpleNamespace(method=method, seconds={"cycle": seconds}, digits={"cycle": answered})
 
-    runs = [run("slow", "loose", 9.0), run("fast", "a", 1.0), run("fast", "b", 2.0), run("slow", "tight", 10.0)]
-    order = [run.method.key[1:] for run in best_of_each_first(runs, "cycle")]
+    given = [
+        ("refkin", "dear", 40.0, 14.5),
+        ("refkin", "as good as the best", 1.2, 9.5),
+        ("refkin", "best to nine digits", 1.0, 9.5),
+        ("refkin", "best to fourteen", 10.0, 14.5),
+        ("refkin", "for two digits", 0.1, 2.0),
+        ("refkin", "no answer", 0.1, None),
+        ("one engine", "its best", 30.0, 9.5),
+        ("one engine", "its second", 70.0, 9.5),
+        ("another engine", "best of the engines", 20.0, 9.5),
+    ]
+    order = [(away, run.method.key[1]) for away, run in nearest_first([run(*each) for each in given], "cycle")]
 
-    assert order == [("fast", "a"), ("slow", "loose"), ("fast", "b"), ("slow", "tight")]
+    assert order == [
+        (1.0, "best to nine digits"),
+        (1.0, "best to fourteen"),
+        (1.0, "best of the engines"),
+        (1.0, "its best"),
+        (1.2, "as good as the best"),
+        (3.5, "its second"),
+        (4.0, "dear"),
+        (math.inf, "for two digits"),
+        (math.inf, "no answer"),
+    ]
 
 
 class Clock:
@@ -343,6 +359,7 @@ def sent():
         clock.method("steps", 2e-2, 5e-3, steps=True),
         clock.method("at once", 3e-2, 2e-4, at_once=True),
         clock.method("cycles alone", 1e-2, 3e-4, most=CYCLE),
+        clock.method("dear", 9e-2, 9e-4),
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(price_process, "time", clock)
@@ -373,6 +390,13 @@ def test_a_price_is_what_one_new_pose_costs_in_a_cycle_alone_and_in_bulk(sent):
     )
 
 
+def test_what_cannot_be_the_cheapest_is_not_called_again(sent):
+    assert set(timings(sent, "dear")) == {("cycle", LAST), ("one", LAST)}
+    assert (
+        sent.count(("asked", ("made up", "dear", ""))) == 1 + 3
+    )  # a cycle, and three poses of it: so long that one tells
+
+
 def test_a_method_that_steps_in_time_goes_one_pose_before_the_one_that_is_new(sent):
     assert timings(sent, "steps")["one", 0] == pytest.approx(2e-2 + 2 * 5e-3)
     assert timings(sent, "plain")["one", 0] == pytest.approx(1e-2 + 1e-4)
@@ -396,7 +420,7 @@ def test_of_a_method_its_build_is_told_and_of_one_that_failed_nothing(sent):
     answers = {message[1]: message[2] for message in sent if message[0] == "answered"}
 
     builds = {name: answer["build"] for (_, name, _), answer in answers.items()}
-    assert builds == pytest.approx(dict.fromkeys(("plain", "steps", "at once", "cycles alone"), 0.25))
+    assert builds == pytest.approx(dict.fromkeys(("plain", "steps", "at once", "cycles alone", "dear"), 0.25))
     assert sent[-1] == ("done",)
 
 
