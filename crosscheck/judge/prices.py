@@ -11,6 +11,8 @@ STEPS = (3, 6, 9, 12, 14)
 """The digits whose cheapest method is named."""
 CONTENDS = 3.0
 """A setting that takes so many times as long as the cheapest with as many digits is timed once: it decides nothing."""
+ONCE = 2.0 / 3.0
+"""The part of a price that was measured once by which it may be off at most."""
 POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
 """Who asks: somebody who needs one pose at once, one cycle, or a thousand poses and more."""
 SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}
@@ -127,12 +129,13 @@ class Offer:
     def differs(self, other: Offer) -> bool:
         """Whether two prices differ by more than the spread of both: by how far either was off in half of its rounds.
 
-        What was timed once has no spread, and is not known to differ.
+        What was timed once has no spread: it is known to differ from what costs less than a part of it.
         """
-        if self.spread is None or other.spread is None:
+        if self.spread is None:
             return False
+        of_other = ONCE if other.spread is None else other.spread
         apart = abs(self.microseconds - other.microseconds)
-        return apart > self.spread * self.microseconds + other.spread * other.microseconds
+        return apart > self.spread * self.microseconds + of_other * other.microseconds
 
 
 Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]

@@ -40,6 +40,8 @@ BULK_ANSWERS = 0.5
 CALLS_NEEDED, LONG_CALLS_NEEDED = 8, 4
 """Calls that a timing takes at least: two that say how long one takes, three rounds with a call before each; of `LONG`
 ones none before another."""
+VERY_LONG = 4.0 * LONG
+"""A first call is the only one before the timings if it lasts so long [s]."""
 EVERY = 1.0
 """A process says at least this often what it is at [s], as long as that can be interrupted."""
 BUILDS = 2
@@ -171,8 +173,8 @@ def _digits(run: _Run, poses: str, question: Question) -> Digits:
         begun = time.process_time()
         answer = models[-1].solve(run.order)
         once = time.process_time() - begun
-        # The first call may compile what the others find; a long one is no longer for that.
-        took += once if once > LONG else _seconds(partial(models[-1].solve, run.order))
+        # The first call may compile what the others find; a very long one is not much longer for that.
+        took += once if once > VERY_LONG else _seconds(partial(models[-1].solve, run.order))
         levels = list(models[-1].read(answer))
         run.order = min(run.order, len(levels) - 1)
         shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))

@@ -195,10 +195,11 @@ def test_two_prices_differ_if_their_difference_exceeds_the_spread_of_both(price,
     assert best([priced(9.0, 5.0), priced(9.0, price, "chord")])["9"]["differs"] is differs
 
 
-def test_what_was_timed_once_is_not_known_to_differ():
+def test_what_was_timed_once_wins_for_nobody_and_is_known_to_differ_from_what_costs_less_than_a_third():
     once = Offer("made up", "newton", "-", 9.0, 1.0, None, "nobody")
 
     assert not once.differs(Offer("made up", "chord", "-", 9.0, 100.0, 0.0, "nobody"))
+    assert [Offer("made up", "chord", "-", 9.0, x, 0.0, "nobody").differs(once) for x in (0.32, 0.34)] == [True, False]
 
 
 def test_one_pose_a_cycle_and_bulk_each_have_their_own_winner():
