@@ -277,17 +277,23 @@ def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:
     enough : float
         The largest sigma_min, of the scaled phi_q, that counts.
     """
+    scene = replace(scene, effects=frozenset(), evidence=frozenset({Evidence.CONDITION}))
     parts = [replace(scene, times=tuple(sorted({*scene.times, *_within(scene.times, FIRST)})))]
     for narrowed in range(ROUNDS):
-        motions = [solve(replace(part, effects=frozenset(), evidence=frozenset(Evidence))) for part in parts]
-        lowest = sorted((pose for motion in motions for pose in _minima(motion)), key=lambda pose: pose[0])[:NARROWED]
-        if lowest and lowest[0][0] <= enough:
-            sigma, k, motion = lowest[0]
-            return float(motion.t[k]), sigma
+        lowest = sorted((pose for part in parts for pose in _minima(solve(part))), key=lambda pose: pose[0])[:NARROWED]
+        for sigma, k, motion in lowest:
+            if sigma <= enough and _certified(scene, motion, k):
+                return float(motion.t[k]), sigma
         if narrowed:
             lowest = [(s, k, motion) for s, k, motion in lowest if s <= FALLS * enough or _falls(motion, k)]
         parts = [part for _, k, motion in lowest for part in _narrowed(scene, motion, k)]
     return None
+
+
+def _certified(scene: Scene, motion: Motion, k: int) -> bool:
+    """Return whether the k-th pose of a motion is proved: what is narrowed on the way to it needs no proof."""
+    there = begun_at(scene, motion, k, [float(motion.t[k])])
+    return solve(replace(there, evidence=frozenset(Evidence))).status[0] is Status.OK
 
 
 def _falls(motion: Motion, k: int) -> bool:
@@ -311,8 +317,8 @@ def _within(times: tuple[float, ...] | list[float], count: int = LATER) -> list[
 
 
 def _minima(motion: Motion) -> Iterator[tuple[float, int, Motion]]:
-    """Yield (sigma_min, k, motion) of the certified poses at which it is smaller than before and after."""
-    proved = np.array([s is Status.OK for s in motion.status])
-    sigma = np.pad(np.where(proved, motion.sigma_min, np.inf), 1, constant_values=np.inf)
-    lowest = proved & (sigma[1:-1] <= sigma[:-2]) & (sigma[1:-1] <= sigma[2:])
+    """Yield (sigma_min, k, motion) of the poses at which it is smaller than before and after."""
+    ok = np.array([s is Status.OK for s in motion.status])
+    sigma = np.pad(np.where(ok, motion.sigma_min, np.inf), 1, constant_values=np.inf)
+    lowest = ok & (sigma[1:-1] <= sigma[:-2]) & (sigma[1:-1] <= sigma[2:])
     yield from ((float(sigma[k + 1]), int(k), motion) for k in np.flatnonzero(lowest))
