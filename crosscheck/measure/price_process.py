@@ -237,8 +237,8 @@ def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
     """
     by_key, rows = {run.method.key: run for run in runs}, list[dict[str, Any]]()
     for (engine, method, setting), run in by_key.items():
-        row = {"engine": engine, "method": method, "setting": setting, "newton_by": run.method.newton_by}
-        row[f"microseconds{SUFFIX[poses]}"] = run.seconds[poses]
+        who = {"engine": engine, "method": method, "setting": setting, "newton_by": run.method.newton_by}
+        row: dict[str, Any] = {**who, f"microseconds{SUFFIX[poses]}": run.seconds[poses]}
         rows += [{**row, "quantity": q, f"digits{SUFFIX[poses]}": d} for q, (d, _) in run.digits[poses].items()]
     engines = [row for row in rows if row["engine"] not in OURS]
     own = [([row for row in rows if row["engine"] == engine], 1) for engine in {engine for engine, *_ in by_key}]
