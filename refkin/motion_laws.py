@@ -8,6 +8,7 @@ A law given as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,9 +78,8 @@ class Sinusoid(_Everywhere):
     kind: Literal["sinusoid"] = "sinusoid"
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        w = self.angular_frequency
-        wave = cosine_and_sine(w * t + self.phase)[(order + 1) % 2]
-        value = (-1.0) ** (order // 2) * self.amplitude * (1.0, w, w * w, w * w * w)[order] * wave  # `**` raises
+        wave = cosine_and_sine((w := self.angular_frequency) * t + self.phase)[(order + 1) % 2]
+        value = (-1.0) ** (order // 2) * self.amplitude * math.prod([w] * order) * wave  # `**` raises
         return value if order else self.offset + value
 
     def integral(self, t: Any) -> Any:

@@ -152,3 +152,9 @@ def test_numbers_that_make_no_law_are_faults():
         assert not list(law.faults("law")), f"{law} has faults"
     with pytest.raises(NotImplementedError):
         Integral(rate=Polynomial(coefficients=CUBIC)).integral(1.0)
+
+
+def test_a_sinusoid_has_the_fourth_derivative_that_the_proof_of_a_roller_asks_for():
+    wave = Sinusoid(amplitude=2.0, angular_frequency=3.0, phase=0.1)
+
+    assert wave(0.5, 4) == pytest.approx(3.0**4 * wave(0.5), rel=1e-15)
