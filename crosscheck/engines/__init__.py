@@ -373,6 +373,7 @@ def load(spec: str) -> Engine:
     for key, text in (("name", engine.name), ("version()", engine.version())):
         if not (isinstance(text, str) and text and text.isprintable()):
             raise EngineError(f"engine {spec!r}: {key}: expected printable text, got {text!r}")
+    _formed(spec, engine)
     if engine.api[0] != API[0]:
         raise EngineError(f"engine {spec!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
     strange = [key for key in engine.capabilities() if key not in ELEMENTS]
@@ -383,6 +384,35 @@ def load(spec: str) -> Engine:
     if engine.name in available() and ":" in spec:
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}, as a registered one does")
     return engine
+
+
+def _formed(spec: str, engine: Any) -> None:
+    """Raise EngineError unless what an engine says of itself, whatever the scene, has the form of the protocol."""
+    api, table, able = engine.api, engine.capabilities(), getattr(engine, "delivers", QUANTITIES)
+    rows = list(table.values()) if isinstance(table, Mapping) else [None]
+    levels = all(isinstance(row, Mapping) and all(isinstance(x, Capability) for x in row.values()) for row in rows)
+    right = isinstance(able, tuple | list | set | frozenset) and all(quantity in QUANTITIES for quantity in able)
+    for key, value, expected, well in (
+        ("api", api, f"two whole numbers, as in {API}", isinstance(api, tuple) and [*map(type, api)] == [int, int]),
+        ("capabilities()", table, "a table of element -> level -> Capability", levels),
+        ("delivers", able, f"some of {', '.join(QUANTITIES)}", right),
+    ):
+        if not well:
+            raise EngineError(f"engine {spec!r}: {key}: expected {expected}, got {kept(repr(value))}")
+    _all_of(engine, "routes", engine.routes(), Route)
+
+
+def _all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
+    if not (isinstance(listed, tuple | list) and all(isinstance(one, kind) for one in listed)):
+        wanted = f"a list of {kind.__module__}.{kind.__name__}"
+        raise EngineError(f"engine {engine.name!r}: {key}(): expected {wanted}, got {kept(repr(listed))}")
+
+
+def terms_of(engine: Engine, *asked: Any) -> Sequence[Term]:
+    """Return an engine's error terms of a scene, perhaps by one route; EngineError if they are of another form."""
+    terms = engine.terms(*asked)
+    _all_of(engine, "terms", terms, Term)
+    return terms
 
 
 def _class_of(spec: str) -> Any:

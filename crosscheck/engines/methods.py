@@ -34,6 +34,7 @@ from crosscheck.engines import (
     load,
     refusals,
     refuse,
+    terms_of,
 )
 from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
@@ -199,8 +200,7 @@ class Method:
         """Return what it adds to the allowed error of a scene by its own doing."""
         if self.asked is None or not hasattr(self.asked[0], "terms"):
             return ()
-        terms: Sequence[Term] = self.asked[0].terms(scene, self.asked[1])
-        return terms
+        return terms_of(self.asked[0], scene, self.asked[1])
 
     @property
     def simulating(self) -> Simulating | None:

@@ -95,6 +95,11 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     if not isinstance(motion, Motion):
         yield f"expected a refkin.motion.Motion, got {type(motion).__name__}"
         return
+    unlisted = [key for key in ("bodies", "status") if not isinstance(getattr(motion, key), tuple | list)]
+    if unlisted:
+        key = unlisted[0]
+        yield f"{key}: expected a tuple, got {type(getattr(motion, key)).__name__}"
+        return
     count, width = len(scene.times), scene.mechanism.kind.width
     shape = (width * len(motion.bodies), count)
     if not (isinstance(motion.t, np.ndarray) and np.array_equal(motion.t, scene.times)):
@@ -114,7 +119,7 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
     if strange:
         yield f"it answers for {kept(', '.join(map(str, strange)))}, which the scene has not"
-    if len(set(motion.bodies)) < len(motion.bodies):
+    elif len(set(motion.bodies)) < len(motion.bodies):
         yield f"it answers more than once for a body: {kept(', '.join(map(str, motion.bodies)))}"
     who = motion.producer
     if not (isinstance(who, Producer) and str(who.version).isprintable() and isinstance(who.route, Route)):

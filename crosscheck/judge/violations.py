@@ -51,6 +51,8 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
         if placed.constraint.passive:  # a row of the reference's own: each answer ends on a spin of its own
             residual[placed.row : placed.row + placed.constraint.rows] = 0.0
     worst = float(np.max(np.abs(residual)))
+    if not np.isfinite(worst):  # the numbers are too large for their equations
+        return NOT_KNOWN
     assert ref.propagation is not None  # only what is judged is wrong
     if np.all(np.abs(residual) <= ref.propagation.left(order, t)):
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints
+from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints, terms_of
 from crosscheck.engines.methods import Use, methods, undisturbed
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import (
@@ -233,7 +233,7 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
 
 def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTimes:
     """Return at how many times a motion lies inside and outside of what is attainable, and how far."""
-    ref, terms = subject.ref, engine.terms(subject.scene, motion.producer.route)
+    ref, terms = subject.ref, terms_of(engine, subject.scene, motion.producer.route)
     samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
     judged = [sample.judgement for sample in samples_of if sample.judgement is not None]
     counts = Counter(j.verdict for j in judged)
@@ -246,6 +246,7 @@ def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTim
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
 def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
     ref, scene = subject.ref, subject.scene
     who: Any = {"engine": engine.name, "method": method.name}
@@ -254,7 +255,7 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
             start = time.perf_counter()
             motion = engine.solve(subject.handed, method)
             seconds = time.perf_counter() - start
-            of_method = [term for term in engine.terms(subject.handed, method) if term.level not in LEVELS]
+            of_method = [term for term in terms_of(engine, subject.handed, method) if term.level not in LEVELS]
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
@@ -366,7 +367,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         model = engine.constraints(scene)
         try:
             missing = missing_rows(engine, model, scene.mechanism)
-            of_rows = [term for term in engine.terms(scene) if term.level in LEVELS]
+            of_rows = [term for term in terms_of(engine, scene) if term.level in LEVELS]
             terms, faults = granted(engine, scene, of_rows)
             part.disagreements += [Disagreement(**who, **fault) for fault in faults]
             levels = compare_levels(engine, model, scene.mechanism, at, terms)

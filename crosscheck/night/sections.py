@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
-from crosscheck.engines import EngineError, load
+from crosscheck.engines import EngineError, load, terms_of
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
@@ -197,7 +197,7 @@ def _answers(spec: str, methods: set[str], ref: Reference) -> Iterator[tuple[str
     for method in engine.routes():
         if method.name in methods:
             try:
-                yield method.name, compare(ref, engine.solve(scene, method), engine.terms(scene, method)).quantities
+                yield method.name, compare(ref, engine.solve(scene, method), terms_of(engine, scene, method)).quantities
             except EngineError:
                 continue
 

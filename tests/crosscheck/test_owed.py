@@ -92,6 +92,12 @@ def test_what_was_asked_and_not_delivered_is_a_failure(spoil, owed):
     ("spoil", "why"),
     [
         (lambda motion: replace(motion, q=None), "q: expected an array of floats, got NoneType"),
+        (lambda motion: replace(motion, status=None), "status: expected a tuple, got NoneType"),
+        (lambda motion: replace(motion, bodies=None), "bodies: expected a tuple, got NoneType"),
+        (
+            lambda motion: replace(motion, bodies=([], *motion.bodies[1:])),
+            "it answers for [], which the scene has not",
+        ),
         (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
         (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
         (lambda motion: replace(motion, q=np.rint(motion.q).astype(int)), "q: expected an array of floats, got int64"),
@@ -109,6 +115,48 @@ def test_an_answer_of_another_form_is_named_by_what_it_is(spoil, why):
     (fault,) = check(SCENE, [Wrapped(spoil)]).disagreements
 
     assert (fault.kind, fault.message) == ("not delivered", why)
+
+
+@pytest.mark.parametrize("terms", [None, [3], 1.5])
+def test_terms_of_another_form_are_no_answer_and_named_by_what_they_are(terms):
+    engine = Wrapped()
+    engine.terms = lambda scene, route=None: terms
+    record = check(SCENE, [engine])
+    said = f"engine {engine.name!r}: terms(): expected a list of crosscheck.engines.Term, got {terms!r}"
+
+    assert {(fault.kind, fault.message) for fault in record.disagreements} == {("no answer", said)}
+    assert not record.answers
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_too_large_for_any_equation_blame_no_joint_and_warn_nobody():
+    small = FourBar(ground=0.4, crank=0.1, coupler=0.35, rocker=0.3).scene(samples=9)
+    record = check(small, [Wrapped(lambda motion: replace(motion, q=motion.q + 1e308))])
+
+    assert {(fault.kind, fault.message) for fault in record.disagreements} == {(Cause.NO_NUMBER, "")}
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "said"),
+    [
+        ("api", None, "api: expected two whole numbers, as in (1, 0), got None"),
+        (
+            "capabilities",
+            lambda self: None,
+            "capabilities(): expected a table of element -> level -> Capability, got None",
+        ),
+        ("capabilities", lambda self: {"angle": {"solve": "yes"}}, "got {'angle': {'solve': 'yes'}}"),
+        ("routes", lambda self: None, "routes(): expected a list of refkin.motion.Route, got None"),
+        ("routes", lambda self: [3], "routes(): expected a list of refkin.motion.Route, got [3]"),
+        ("delivers", ("speed",), "delivers: expected some of position, velocity, acceleration, got ('speed',)"),
+    ],
+)
+def test_what_an_engine_says_of_itself_in_another_form_is_named(monkeypatch, attribute, value, said):
+    monkeypatch.setattr(Wrapped, attribute, value)
+    with pytest.raises(EngineError) as raised:
+        load(f"{__name__}:Wrapped")
+
+    assert said in str(raised.value)
 
 
 def test_a_record_holds_whatever_an_engine_says():
