@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flint import arb
 from scipy.spatial.transform import Rotation
 
 import refkin
@@ -30,7 +31,15 @@ from crosscheck.judge.budget import (
 )
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
-from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error, samples, scene_truths
+from crosscheck.judge.hard_poses import (
+    TOO_WIDE,
+    _judged,
+    _output_rounding,
+    least_error,
+    residual_error,
+    samples,
+    scene_truths,
+)
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, _size, configurations
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
@@ -38,6 +47,7 @@ from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
+from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.linkages import RSSR
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
@@ -169,13 +179,24 @@ def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_o
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
     table = Table(argument=(0.0, 0.5, 0.75, 1.5), value=(0.3, -2.5, 0.2, 0.1))
-    mechanism = LINKAGE.scene(law=table, times=(0.2, 0.5)).mechanism
-    system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.5])
+    mechanism = LINKAGE.scene(law=table, times=(0.2, 0.75)).mechanism
+    system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.75])
     (row,) = (p.row for p in system.placed if p.constraint.laws)
     off = table_error(system, t, order)
 
     assert off[row] / (32 * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
     assert not np.delete(off, row, axis=0).any()
+
+
+def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate():
+    """In what may be off; one coordinate of which too little is known is enough."""
+    system = compile_system(LINKAGE.scene().mechanism)
+    away, rows = np.linspace(0.1, 0.9, system.n) * TOO_WIDE, np.arange(system.n)
+    allowed = np.where(rows == 4, 2.0 * TOO_WIDE, 0.0)
+    judgement = _judged(system, (arb(0),) * system.n, allowed, away, rows, 0.0)
+
+    assert judgement.verdict is Verdict.UNDECIDABLE
+    assert judgement.radii == pytest.approx(0.9)
 
 
 def row_values(x, rate, gamma, slope, off):

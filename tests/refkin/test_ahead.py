@@ -16,7 +16,7 @@ from refkin.analysis import sigma_min
 from refkin.scenes.linkages.base import Branch
 from refkin.solving.ahead import Ahead, Leaps
 from refkin.solving.steps import neville
-from refkin.solving.sweep import Sweep
+from refkin.solving.sweep import Arrival, Sweep
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMIT = math.acos((16.0 + 9.0 - 25.0) / 24.0)  # a crank of 3 on a ground of 4, coupler and rocker 5 in line
@@ -92,6 +92,21 @@ def test_a_pose_of_the_other_branch_is_taken_by_no_step(monkeypatch, place):
     assert set(answer.status) == {Status.OK}
     assert np.abs(answer.q - right.q).max() < 1e-12
     assert np.abs(answer.q - wrong.q).max() > 0.1
+
+
+def test_what_is_lost_with_poses_ahead_is_found_without_them(monkeypatch):
+    """A sweep that comes to no time after a leap."""
+    over, to = Leaps.over, Sweep.to
+
+    def lost(self, done):
+        poses = over(self, done)
+        self.sweep.leapt = self.ahead is not None
+        return [] if self.sweep.leapt else poses
+
+    monkeypatch.setattr(Leaps, "over", lost)
+    monkeypatch.setattr(Sweep, "to", lambda self, t: Arrival.STOPPED if self.leapt else to(self, t))
+
+    assert set(refkin.solve(replace(SCENES["a slider"], evidence=frozenset())).status) == {Status.OK}
 
 
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)

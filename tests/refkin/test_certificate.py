@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.proof.numbers.bounded import Bounded, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
 from refkin.proof.numbers.preconditioned import Nearly
-from refkin.proof.pose.certificate import Certificate, certify
+from refkin.proof.pose.certificate import BOX, Certificate, _Ball, certify
 from refkin.proof.pose.krawczyk import Enclosure, Judgement, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
 from tests.drawn import Drawn
@@ -270,3 +272,25 @@ def test_the_radius_counts_what_the_inverse_of_two_nearly_parallel_lines_leaves(
         assert certificate.ok[0]
         assert (np.abs(q + certificate.root.shift) <= certificate.root.remainder).all()
         assert (np.abs(q) <= certificate.radii).all()
+
+
+def test_a_ball_reaches_no_further_than_the_slopes_that_its_proof_has_looked_at():
+    """A step of 1 of which an inverse leaves a part has a ball of 1 / (1 - part); slopes are known on one of 2.5.
+
+    Where they change, what the inverse leaves at the root is what it leaves at the pose and the change on the way.
+    """
+    left, bend = np.array([0.2, 0.5, 0.7, 0.95]), 0.1
+    pose: Any = SimpleNamespace(
+        q=np.zeros((1, 4)),
+        carried=lambda _: (np.ones((1, 4)), np.zeros((1, 4))),
+        slope_over=lambda _: SimpleNamespace(spread=None),
+        defect_on=lambda _, w: left * w,
+        spread_on=lambda *_: BOX * bend * np.array([[1.0, 0.0, 0.0, 0.0]]),
+    )
+    phi: Any = None
+
+    ball, radius = _Ball(pose, phi), (0.8 - math.sqrt(0.8**2 - 2 * bend)) / bend
+
+    assert ball.ok.tolist() == [True, True, False, False]
+    assert ball.radii[0, :2] == pytest.approx([radius, 2.0], rel=1e-5)
+    assert ball.defect_at_root[0, :2] == pytest.approx([0.2 + bend * radius, 0.5], rel=1e-5)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, YDriver, compile_system
+from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
@@ -455,3 +457,32 @@ def test_no_step_is_longer_than_the_longest_that_is_asked_for(linkage, angle):
     assert len(path.t) == 8
     assert len(path.events) == (linkage is PARALLELOGRAM)
     assert np.max(np.abs(steps)) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("at", "met"), [((0.5, 0.9), True), ((1.5, 0.0), False), ((-0.5, 0.0), False), ((0.5, 1.1), False)]
+)
+def test_a_crossing_is_one_between_two_points_if_it_is_beside_their_chord_and_no_further_than_it_is_long(
+    monkeypatch, at, met
+):
+    there = SimpleNamespace(x=2.0 * np.array(at), is_decided=True)
+    monkeypatch.setattr(tracing, "crossing", lambda *_: there)
+    tracer = Tracer(None, (0.0, 1.0), 1.0, 9)
+
+    assert tracer._crossing(np.zeros(2), np.array([2.0, 0.0])) is (there if met else None)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-3, 1e3])
+def test_the_length_of_tangents_is_nothing_to_the_path_that_is_chosen(length):
+    """Neither to the one that is nearest, nor to the first step in it."""
+    first, near, far = (Tangent(np.array(q), 1.0) for q in ((1.0, 0.0), (length, 0.1 * length), (1.0, 2.0)))
+    assert straight_on(Bifurcation(0.0, np.zeros(2), (near, far), first, 0)) is near
+
+    def longer(crossing):
+        chosen = straight_on(crossing)
+        return Tangent(length * chosen.q, length * chosen.t)
+
+    path = refkin.follow(driven(PARALLELOGRAM, 3.0), until=(3.0, 3.5), choose=longer)
+    k = path.events[0].index
+    unit = np.tile([PARALLELOGRAM.scene().mechanism.size()] * 2 + [1.0], 3)
+    assert np.linalg.norm((path.q[:, k + 1] - path.q[:, k]) / unit) == pytest.approx(FIRST_STEP, rel=0.5)

@@ -141,6 +141,7 @@ def test_numbers_that_make_no_law_are_faults():
         (Table(argument=(0.0, 1.0), value=(1.0,)), "value"),
         (Table(argument=(0.0, 0.0), value=(1.0, 2.0)), "argument"),
         (Table(argument=(0.0, 2.0, 1.0), value=(1.0, 2.0, 3.0)), "argument"),
+        (Table(argument=(0.0, 5e-324), value=(1.0, 2.0)), "argument"),
         (Table(argument=(0.0, 1.0), value=(1.0, 2.0), periodic=True), "value"),
         (Table(argument=(0.0, 1.0, 2.0), value=(1.0, 2.0, 2.0), periodic=True), "value"),
         (Table(argument=(0.0, 1.0, 2.0), value=(2.0, 2.0, 1.0), periodic=True), "value"),

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 import refkin
+from refkin.joints.elements import GuidedPoint
 from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, raster, still
+from refkin.output.drawing import _features
 from refkin.output.spatial import Shape
 from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
@@ -385,6 +387,16 @@ def test_a_guide_runs_along_its_axis_as_far_to_one_side_of_its_foot_as_to_the_ot
     assert way == pytest.approx(3 * scene.mechanism.size() * axis)
     assert abs(guide.mean(axis=1) @ [-axis[1], axis[0]]) == pytest.approx(0.25)
     assert guide.mean(axis=1) @ axis == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_guide_beside_its_point_lies_to_the_left_of_it():
+    """As the row of its joint has it: a point on the left of an axis is at a positive offset."""
+    element = GuidedPoint(
+        body_i="ground", point_i=(1.0, 2.0), axis_i=(3.0, 4.0), body_j="disc", point_j=(0.0, 0.0), offset=0.5
+    )
+    (guide,) = _features(element, "ground", 1.0, np.zeros((2, 0)))
+
+    assert guide.points.mean(axis=1) == pytest.approx([0.6, 2.3])
 
 
 def test_a_motion_can_be_sent_to_another_process_and_is_the_same_there(motion):

@@ -97,6 +97,19 @@ def test_a_row_that_is_left_out_is_held_against_the_pose():
         assert bool(apart > 1.0) is contradicts, f"shifted by {phi0:g}: {apart:.3g} times what rounding explains"
 
 
+@pytest.mark.parametrize(("part", "first"), [(0.8, Status.OK), (1.25, Status.UNASSEMBLABLE)])
+def test_a_contradiction_is_one_as_soon_as_rounding_does_not_explain_it(monkeypatch, part, first):
+    real = choices.isolate_every_choice
+
+    def shifted(*given):
+        isolation = real(*given)
+        isolation.contradiction[0] = part
+        return isolation
+
+    monkeypatch.setattr("refkin.solving.solve.isolate_every_choice", shifted)
+    assert turned(ring(4)).status[0] is first
+
+
 def test_rounding_is_no_contradiction():
     """A joint that is there twice changes no answer, and contradicts nothing."""
     scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.3, -0.7)), times=TIMES)

@@ -14,6 +14,7 @@ import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import bounded_system, box, read
+from refkin.proof.path.blocks import Blocks
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes, _over_times, _Spans
 from refkin.proof.pose.krawczyk import BallEquations
@@ -224,3 +225,13 @@ def test_newton_with_balls_goes_on_to_round_off_also_where_it_sets_out_by_growin
 
         assert root is not None
         assert max(abs(x) for x in equations.phi(root).entries()) < 1e-50
+
+
+@pytest.mark.parametrize("one", [0.25, 8.0])
+def test_of_blocks_the_smallest_determinant_counts_with_or_without_a_batch(one):
+    """If it is below one: the number is compared with a limit far below."""
+    both, slope = Blocks(np.array([0, 3]), np.array([0, 1]), np.zeros((2, 1, 1))), np.diag([one, -4.0])
+    signs, logarithms = both.of_batch(slope[:, :, None])
+
+    assert both.determinants(slope) == ([1.0, -1.0], min(math.log(one), 0.0))
+    assert (signs.tolist(), logarithms.tolist()) == ([[1.0, -1.0]], [min(math.log(one), 0.0)])

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin.joints import Cylindrical, Screw, SpatialPrismatic
+from refkin.joints import Cylindrical, DisplacementDriver, Screw, SpatialPrismatic
+from refkin.model import Body, Mechanism
 from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.dyads import certain_miss
+from refkin.proof.assembly.dyads import certain_miss, point_rows
 from refkin.system import compile_system
 from tests.passive import SPINNING, loop, sliding
 
@@ -50,3 +51,16 @@ def test_no_loop_that_closes_is_proved_open():
     closing += [sliding(SpatialPrismatic, seed, 0.0)[0] for seed in range(6)]
     for scene in closing:
         assert assemblies(system_of(scene), 0.0, trying=False).gap is None, scene.name
+
+
+@pytest.mark.parametrize("shift", [0.7, -0.7])
+def test_a_slide_that_is_driven_along_its_axis_keeps_its_points_as_far_apart_as_the_driver_says(shift):
+    ends = {
+        f"{key}_{k}": at for k in "ij" for key, at in (("point", (0, 0, 0)), ("axis", (0, 0, 1)), ("zero", (1, 0, 0)))
+    }
+    joint = SpatialPrismatic(name="slide", body_i="ground", body_j="b", **ends)
+    body = Body(name="b", estimate=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    driver = DisplacementDriver(name="leg", joint="slide", law=refkin.Polynomial(coefficients=(shift,)))
+    rows = point_rows(compile_system(Mechanism((body,), (joint,), (driver,))), 0.0)
+
+    assert [(row.name, float(row.distance)) for row in rows if row.distance is not None] == [("leg", 0.7)]

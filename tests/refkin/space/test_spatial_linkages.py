@@ -29,6 +29,7 @@ from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Bricard, DoubleHooke, Hooke, RSSRChain, ScrewJack, Stewart
 from refkin.solving.mobility import count, mobility_of
+from refkin.solving.starts import in_form
 from refkin.system import compile_system
 
 EVERY = {
@@ -212,6 +213,17 @@ def test_two_matched_hooke_joints_turn_evenly(parallel):
 
     assert last @ even["output"].omega == pytest.approx(np.full(SAMPLES, 1.7), abs=4e-15)
     assert np.max(np.abs(even["output"].alpha)) < 2e-14
+
+
+def test_joints_in_several_forms_are_brought_into_one():
+    """Only a mechanism whose rows all are in it stays as it is."""
+    half = in_form(RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene().mechanism, "half")
+    dot = in_form(half, "dot")
+    mixed = replace(half, joints=(dot.joints[0], *half.joints[1:]))
+
+    assert dot != half == in_form(mixed, "half")
+    assert in_form(half, "half") is half
+    assert in_form(mixed, "") is mixed
 
 
 def test_the_angles_of_bennetts_linkage_have_the_product_that_he_found():
