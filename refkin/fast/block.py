@@ -254,11 +254,13 @@ class Block:
     def _check(self, t: float, code: int) -> None:
         """Give a code to the samples that the formulas a person reads do not accept.
 
-        Nor is one ok whose rates are not finite, or, where nothing is proved, whose laws have no digits.
+        Nor is one ok whose rates are not finite, or whose laws have no digits and of which nothing is proved.
         """
         q, highest = self.space.level(0), self.space.level(self.made.levels - 1)
-        told = np.isfinite(np.add.reduce(highest)) & (self.proof is not None or laws_have_digits(self.system, t))
-        self.codes[self.alive & ~told] = code
+        told = laws_have_digits(self.system, t)
+        if self.proof is not None and not np.all(told):
+            told = told | np.isfinite(self.radii(t)[0])
+        self.codes[self.alive & ~(told & np.isfinite(np.add.reduce(highest)))] = code
         self.residual = residual_of_rows(self.system, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size

@@ -465,9 +465,12 @@ def test_a_law_whose_small_value_is_left_of_large_ones_is_not_ok_unproved(law):
     """In float64 it is up to 0.015 rad off, and nothing else of the pose shows it."""
     scene = ROCKER.scene(law=law, times=(0.1,), evidence=())
     exact = refkin.solve(replace(scene, evidence=frozenset(refkin.Evidence)))
-    many = fast.solve_many(scene, {"A0": {"point_j": (np.full(3, -0.5), 0.0)}})
+    changes = {"A0": {"point_j": (np.full(3, -0.5), 0.0)}}
+    many = fast.solve_many(scene, changes)
+    proved = fast.solve_many(replace(scene, evidence=frozenset({refkin.Evidence.CERTIFICATE})), changes)
 
     assert exact.certified_radius.position[0] < 1e-12
     for motion in (refkin.solve(scene), fast.sweep(scene)):
         assert motion["crank"].phi[0] == pytest.approx(exact["crank"].phi[0], abs=1e-12)
     assert not many.ok.any()
+    assert np.array_equal(proved.ok, np.isfinite(proved.radii[:, 0]))
