@@ -358,8 +358,8 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
     """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts.
 
     A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
-    the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. It ends where a
-    singular pose follows on a short step, or none on the shortest.
+    the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. What did not go so
+    is tried along the tangent. It ends where a singular pose follows on a short step, or none on the shortest.
     """
     first, step, failed = last, t - float(last.t[0]), False
     before, end = last, math.inf
@@ -369,7 +369,8 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         if not failed:
             step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
         target = min(t, now + step)
-        pose = close(equations, _ahead(before, last, end, target), np.array([target]), near=last.q)
+        guess = _ahead(before, last, math.inf if failed else end, target)
+        pose = close(equations, guess, np.array([target]), near=last.q)
         off = 0.0 if pose.regular[0] else SINGULAR
         joined = bool(pose.known[0] and connected(last.inverse, pose.jacobian, off)[0])
         if joined and target == t:

@@ -243,7 +243,8 @@ def _end_with_parent(living: Any) -> None:
     """Have the system kill this group when a pipe is closed whose other end the parent alone has.
 
     A signal to the parent's group does not reach this one, and an engine may hang where no Python runs. So it is the
-    system that signals the end of the pipe: by SIGKILL where it can be told which (Linux), by SIGIO elsewhere.
+    system that signals the end of the pipe: by SIGKILL where it can be told which (Linux). Elsewhere that is SIGIO,
+    which most systems ignore: there a process goes on to its next result.
     """
     with suppress(OSError):  # a system that does not signal for pipes
         fcntl.fcntl(living, fcntl.F_SETOWN, -os.getpgrp())

@@ -16,6 +16,7 @@ from crosscheck.engines.pinocchio.engine import Pinocchio
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.scenes.drawing import draw
 from refkin.joints import GROUND, Fixed, XDriver
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
@@ -153,3 +154,11 @@ def test_a_planted_fault_is_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(owner, attribute, plant(getattr(owner, attribute)))
 
     assert healthy <= 1.0 < max(excess(case, Pinocchio().solve(case.scene)) for case in cases)
+
+
+def test_a_pose_just_before_the_end_of_a_branch_is_found_where_the_end_was_guessed_wrong() -> None:
+    """A cubic towards a wrong end fails at the same time from however near, where the tangent goes on."""
+    scene = draw(777001, 149).scene
+    engine = Pinocchio()
+
+    assert set(engine.solve(scene, engine.routes()[0]).status) == {Status.OK}
