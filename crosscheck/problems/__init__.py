@@ -5,7 +5,7 @@
 nothing but Python, beside it.
 """
 
-VERSION = "2"
+VERSION = "3"
 """Of the set; whoever changes a problem, an answer or how they are written gives it another."""
-SHA256 = "56634fb02f7582bfb1f105cc27eb8dbfbe0b4a65a9db17f9621fce2f29b1a637"
+SHA256 = "1b028d6d707867f33d2354a6146fb546f8d7b723d93deac31d44797fe98bcec5"
 """The hash of the whole set of that version."""

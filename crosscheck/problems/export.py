@@ -30,8 +30,8 @@ from refkin.scenes.files import to_dict, to_toml
 
 UNITS = {"planar": ("length",) * 2 + ("angle",), "spatial": ("length",) * 3 + ("Euler parameter",) * 4}
 """Of the coordinates of a body of the plane and of space."""
-NEAREST = "{:.10g}"
-"""How other assemblies are written: exact enough to tell them apart, and the same on every machine."""
+NEAREST = 8
+"""Decimals, of sizes or radians, of other assemblies: they tell them apart, and no rounding of a machine reaches them."""
 
 
 def export(
@@ -89,19 +89,20 @@ def written(draft: Draft) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _certified(problem: Problem, scene: str) -> dict[str, Any]:
     mechanism = problem.scene.mechanism
-    units = UNITS[mechanism.kind.name]
+    units, size = UNITS[mechanism.kind.name], mechanism.unit().size
+    scales = [size if unit == "length" else 1.0 for unit in units] * len(mechanism.bodies)
     return {
         "name": problem.name,
         "title": problem.title,
         "assembly": problem.assembly,
         "scene": sha256(scene.encode()).hexdigest(),
-        "size": mechanism.unit().size,
+        "size": size,
         "units": units,
         "columns": {body.name: len(units) * k for k, body in enumerate(mechanism.bodies)},
         "t": problem.scene.times,
         **dict(zip(("q", "qd", "qdd"), problem.truth, strict=True)),
         "others": [
-            {name: [float(NEAREST.format(x)) for x in pose] for name, pose in others.items()}
+            {name: [round(x / s, NEAREST) * s + 0.0 for x, s in zip(q, scales, strict=True)] for name, q in others.items()}
             for others in problem.others
         ],
     }
