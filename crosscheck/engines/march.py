@@ -3,10 +3,9 @@
 The first pose is Newton's from an estimate. From there rough poses at a few times, cubics (Hermite) between them and
 Newton at every time give poses of which none is believed yet. A step from one to the next is taken if Newton contracts
 at once from the tangent of the first and no singular Jacobian can lie between the two; steps that fail are halved, all
-at once. Poses that went over to a branch that nearly meets this one are found anew from the one on this branch beside
-the first of them. What is left is done one step after another, halved further until Newton contracts. So no pose is
-ever taken that the tangent of the pose before it does not lead to, or towards an end the cubic through the two before
-it, and a motion ends where its assembly ends.
+at once. What is left is done one step after another, halved further until Newton contracts. So no pose is ever taken
+that the tangent of the pose before it does not lead to, or towards an end the cubic through the two before it, and a
+motion ends where its assembly ends.
 
 A velocity, and with it the first derivative of each law, is taken of a scene too that calls for positions alone: the
 difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
@@ -54,8 +53,6 @@ FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
 """The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""
-ALONG = 1e-5
-"""How far from a pose [rad, sizes] it is asked how its Jacobian changes."""
 LEFT_OVER = 1.0 / 64.0
 """The part of what is left of a branch to its end that a step towards it leaves."""
 CERTAIN = 1.0 / 16.0
@@ -173,18 +170,13 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     The first follows from `last`.
     """
     t = np.union1d(times, equations.extrema(np.append(last.t, times)))
-    poses = _reached(equations, last, t)
-    side = _sides(last.jacobian)
-    crossed = np.flatnonzero(poses.regular & (_sides(poses.jacobian) != side))[:1]
-    if crossed.size:
-        k = int(crossed[0])
-        other = _mirrored(equations, poses[k : k + 1])
-        if other.regular[0] and _sides(other.jacobian)[0] == side[0]:
-            poses = Poses.joined((poses[:k], other, _reached(equations, other, t[k + 1 :])))
-    if not len(poses.t):
-        return poses, np.zeros(0, bool)
-    t = poses.t
+    knots = _rough(equations, last, t)
+    t = t[t <= knots[0][-1]]
+    if not len(t):
+        return last[:0], np.zeros(0, bool)
+    poses = close(equations, _cubics(*knots, t), t)
     poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
+    side = _sides(last.jacobian)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])
         bad = bad[_passable(poses[bad], poses[bad + 1]) & (_sides(poses.jacobian[bad + 1]) == side)][:MOST_DIVIDED]
@@ -198,26 +190,6 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     at = np.searchsorted(poses.t, times[times <= t[-1]])
     failed = np.append(0, np.cumsum(~kept))
     return poses[at], np.diff(failed[at], prepend=0) == 0
-
-
-def _reached(equations: Equations, last: Poses, t: Array) -> Poses:
-    """Return the poses at those of the times t to which rough poses lead from `last`."""
-    knots = _rough(equations, last, t)
-    t = t[t <= knots[0][-1]]
-    return close(equations, _cubics(*knots, t), t) if len(t) else last[:0]
-
-
-def _mirrored(equations: Equations, pose: Poses) -> Poses:
-    """Return the pose at the same time on the branch that nearly meets that of `pose`.
-
-    The two lie on a line along which J changes most relative to itself, as far on either side of where it is singular.
-    """
-    inverse = pose.inverse[0]
-    line = inverse[:, np.argmax(np.linalg.norm(inverse, axis=0))]
-    line = line / np.linalg.norm(line)
-    _, jacobian = equations.rows(pose.q + ALONG * line, pose.t)
-    bend = float(line @ inverse @ jacobian[0] @ line - 1.0) / ALONG
-    return close(equations, pose.q - 2.0 / bend * line, pose.t) if abs(bend) * TRUST >= 2.0 else pose
 
 
 def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> tuple[Poses, Any]:

@@ -22,7 +22,7 @@ class InBalls(NamedTuple):
     balls: list[Any]
 
 
-def in_balls(scene, bits=113):
+def in_balls(scene, bits=256):
     count = len(scene.times)
     with ctx.workprec(bits), np.errstate(all="ignore"):
         assembly = assembled(scene, Balls())

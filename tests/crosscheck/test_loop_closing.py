@@ -158,21 +158,6 @@ def test_the_end_of_a_branch_is_approached_by_ever_smaller_parts_of_what_is_left
     assert toy.calls <= 150
 
 
-@pytest.mark.parametrize("gap", [1e-2, 1e-3])
-def test_a_branch_that_another_nearly_meets_is_passed_without_going_step_by_step(
-    gap: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """x^2 = t^2 + gap^2, of which the lower branch is the straight continuation of the upper one."""
-    toy = straight(phi=lambda q, t: [0.5 * (q[0] ** 2 - t * t - gap * gap)], phi_q=lambda q, t: [[q[0]]])
-    toy.start, toy.rate = [1.0], lambda t: [t]
-    monkeypatch.setattr(continuation, "advance", None)
-    t = np.linspace(-0.97, 1.03, 21)
-    result = run(toy, t)
-
-    assert result.status == (OK,) * 21
-    assert result.levels[0][0] == pytest.approx(np.hypot(t, gap), rel=1e-12)
-
-
 def test_beyond_a_fold_there_is_no_answer() -> None:
     result = run(circle(), [0.0, 1.0 + 1e-9, 1.5], 2)
 

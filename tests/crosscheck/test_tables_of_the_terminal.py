@@ -76,7 +76,7 @@ def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
     said = price.lines({"times": {"priced": 73, "asked": 80, "certified": 70}, "rows": rows, "refused": []})
     whole = price.lines({"times": {"priced": 73, "asked": 73, "certified": 73}, "rows": rows[:1], "refused": []})
 
-    assert said[3:] == [
+    assert said[4:] == [
         "priced are the first 73 of the scene's 80 times",
         "3 of them have no certified truth and are left out",
         *(
@@ -85,7 +85,7 @@ def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
         ),
         "mujoco, steps, 1e-3: it ended",
     ]
-    assert whole == said[:3] + said[5:7]
+    assert whole == said[:4] + said[6:8]
 
 
 def test_a_page_of_prices_takes_names_as_they_are():
