@@ -31,7 +31,7 @@ from refkin.scenes.files import to_dict, to_toml
 UNITS = {"planar": ("length",) * 2 + ("angle",), "spatial": ("length",) * 3 + ("Euler parameter",) * 4}
 """Of the coordinates of a body of the plane and of space."""
 NEAREST = 8
-"""Decimals, of sizes or radians, of other assemblies: they tell them apart, and no rounding of a machine reaches them."""
+"""Decimals, of sizes or radians, of other assemblies: they tell them apart, and no rounding reaches them."""
 
 
 def export(
@@ -102,7 +102,7 @@ def _certified(problem: Problem, scene: str) -> dict[str, Any]:
         "t": problem.scene.times,
         **dict(zip(("q", "qd", "qdd"), problem.truth, strict=True)),
         "others": [
-            {name: [round(x / s, NEAREST) * s + 0.0 for x, s in zip(q, scales, strict=True)] for name, q in others.items()}
+            {at: [round(x / s, NEAREST) * s + 0.0 for x, s in zip(q, scales, strict=True)] for at, q in others.items()}
             for others in problem.others
         ],
     }
