@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import FourBar, Polynomial, SliderCrank, YDriver, compile_system
+from refkin import (
+    Body,
+    FourBar,
+    Mechanism,
+    Polar,
+    Polynomial,
+    Scene,
+    Sinusoid,
+    SliderCrank,
+    YDriver,
+    compile_system,
+)
 from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
@@ -18,6 +29,7 @@ from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
 
 from .assembled import beside_a_mast
+from .contact_cases import cam, guide
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -323,6 +335,22 @@ def test_two_turning_points_that_a_step_would_go_over_are_both_found():
 
     assert path.end is TraceEnd.CLOSED
     assert turns == pytest.approx(angles[1:-1][rising[1:] != rising[:-1]].tolist(), abs=2e-3)
+
+
+@pytest.mark.parametrize("waves", [130, 170])
+def test_three_and_four_turning_points_that_a_step_would_go_over_are_all_found(waves):
+    """A tip that is lifted turns a waved cam: its height turns on each crest and in each trough."""
+    law = Sinusoid(offset=1.0, amplitude=0.05 / waves, angular_frequency=float(waves), phase=0.375)
+    height = float(law(math.pi / 2 - 0.3))
+    lift = YDriver(name="lift", body="follower", law=Polynomial(coefficients=(0.0, 1.0)))
+    joints, _ = cam(Polar(law=law), "point", guide("follower"))
+    bodies = (Body(name="cam", estimate=(0.0, 0.0, 0.3)), Body(name="follower", estimate=(0.0, height, 0.0)))
+    m = Mechanism(bodies=bodies, joints=joints, drivers=(lift,))
+    path = refkin.follow(Scene(mechanism=m, times=(height,)), most_points=52)
+    turns = np.array([event.q[2] for event in path.turning_points])
+
+    assert len(turns) > 16
+    assert np.abs(np.diff(turns)) == pytest.approx(np.full(len(turns) - 1, math.pi / waves), abs=1e-7)
 
 
 @pytest.mark.parametrize("slack", [1e-9, -1e-9])

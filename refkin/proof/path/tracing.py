@@ -26,6 +26,8 @@ STANDING = 1e-9
 """Part of a tangent along t below which t stands still."""
 CLOSE = 1e-5
 """Length of a step within which two turning points of t are not told from none."""
+INSIDE = (0.2, 0.5, 0.8)
+"""Parts of a step at which the rate of t is looked at where t may turn within it."""
 SAME = 1e-7
 """Distance at which a trace has come back to its start."""
 
@@ -136,7 +138,8 @@ class Tracer:
         while h >= SHORTEST and not self.curve.is_locked(x):
             new = self.curve.stepped(x, tangent, h)
             after = None if new is None else self.curve.tangent(new, tangent)
-            if new is not None and tangent @ after >= math.cos(BEND) and not _turns_twice(x, tangent, new, after):
+            straight = new is not None and tangent @ after >= math.cos(BEND)
+            if straight and not (_turns_twice(x, tangent, new, after) or self._turns_unseen(x, tangent, new, after, h)):
                 rows = self.curve.rows(new)
                 sign, _ = self.curve.determinant(new, after, rows)
                 if self.at_crossing or sign == self.curve.determinant(x, tangent, rows)[0]:
@@ -149,6 +152,23 @@ class Tracer:
                     return end
             h /= 2
         return None
+
+    def _turns_unseen(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> bool:
+        """Whether t turns within a step oftener than the signs of its rate at the ends say: once, or not at all.
+
+        Asked where the rate of t at an end is so small that a tangent which strays by `BEND` / 2 can lose it. The rate
+        is taken to be the polynomial through its values at both ends and at `INSIDE`.
+        """
+        smaller = min(abs(tangent[-1]), abs(after[-1]))
+        if np.linalg.norm(new - x) <= CLOSE or not STANDING < smaller <= math.sin(BEND / 2):
+            return False
+        inside = [self.curve.corrected(x + part * h * tangent, tangent) for part in INSIDE]
+        if not all(y.converged for y in inside):
+            return True
+        rates = [tangent[-1], *(self.curve.tangent(y.q, tangent)[-1] for y in inside), after[-1]]
+        between = np.polynomial.Polynomial.fit((0.0, *INSIDE, 1.0), rates, len(INSIDE) + 1)(np.linspace(0.0, 1.0, 65))
+        clear = np.sign([tangent[-1], *between[np.abs(between) > STANDING], after[-1]])
+        return int(np.count_nonzero(np.diff(clear))) > int(clear[0] != clear[-1])
 
     def _same_sides(self, x: Any, tangent: Any, new: Any, after: Any) -> bool:
         """Whether the blocks of phi_q have the signs they had, which they keep where t does not turn.
