@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
-from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
+from crosscheck.commands.usage import Json, SceneFile, positive, print_numbers, writable
 from crosscheck.errors import UsageError
 from refkin.errors import UnknownName
 from refkin.model import Scene
@@ -134,6 +134,9 @@ def print_path(
     """
     read = load(scene)
     writable("csv", csv)
+    positive("most-points", most_points)
+    if until is not None and not -np.inf < min(until) < max(until) < np.inf:
+        raise UsageError(f"--until: expected two different finite values, got {until[0]} and {until[1]}")
     parameter = parameter_of(read, driver)
     try:
         driven = read if parameter == TIME else driven_by(read, parameter)

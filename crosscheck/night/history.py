@@ -49,6 +49,10 @@ CREATE TABLE IF NOT EXISTS cost (
 """
 
 
+HEADER = b"SQLite format 3\0"
+"""With which every database of SQLite begins."""
+
+
 class HistoryError(CannotRun):
     """A file that is no history, or that cannot be read or written."""
 
@@ -173,6 +177,11 @@ def warnings(course: Mapping[str, Any]) -> list[str]:
 def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection]:
     if must_exist and not path.is_file():
         raise HistoryError(f"there is no history {path}: crosscheck nightly makes one")
+    if path.is_file():
+        with path.open("rb") as file:
+            begins = file.read(len(HEADER))
+        if begins and begins != HEADER:  # SQLite takes a few bytes for an empty file, and writes over them
+            raise HistoryError(f"{path}: file is not a database")
     try:
         with closing(sqlite3.connect(path, timeout=30.0)) as db:
             db.executescript(TABLES)

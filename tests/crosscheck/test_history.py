@@ -203,6 +203,16 @@ def test_a_night_that_cannot_be_written_leaves_the_others_as_they_were(tmp_path:
     assert len(nights(path)) == 1
 
 
+def test_a_small_file_that_is_no_history_is_left_as_it_is(tmp_path: Path) -> None:
+    """SQLite takes one of a few bytes for an empty database, and writes over it."""
+    path = tmp_path / "notes"
+    path.write_text("x", encoding="utf-8")
+    with pytest.raises(HistoryError, match="notes: file is not a database"):
+        nights(path)
+
+    assert path.read_text(encoding="utf-8") == "x"
+
+
 def test_a_history_that_is_not_there_is_not_made_by_looking(tmp_path: Path) -> None:
     with pytest.raises(HistoryError, match="there is no history"):
         nights(tmp_path / "h.sqlite")
