@@ -10,6 +10,7 @@ import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from crosscheck.engines.ours.c_kernels import text_of
 from crosscheck.judge import workloads
 from crosscheck.judge.workloads import of_four_bars
 from crosscheck.measure import bench as measure
-from crosscheck.measure.bench import key_of
+from crosscheck.measure.bench import _entries, key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import Piece, system_of, unit_of
@@ -481,3 +482,10 @@ def test_committed_results_say_what_they_were_measured_on(path):
     assert data["machine"]["threads"] == "1"
     assert data["machine"]["processor"]
     assert set(data["versions"]) == {"python", *measure.PACKAGES, "compiler"}
+
+
+@pytest.mark.parametrize(("highest", "at_once", "orders"), [(2, False, [2, 0]), (2, True, [2]), (0, False, [0])])
+def test_a_method_is_timed_for_positions_alone_too_where_that_makes_a_difference(highest, at_once, orders):
+    method = SimpleNamespace(highest=highest, at_once=at_once, batched=lambda work, order: (work, order))
+
+    assert [entry.batch for entry in _entries("work", [method], [])] == [("work", order) for order in orders]
