@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 MOST_CHARACTERS = 2000
 """Of what an engine says, so many are kept."""
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
@@ -25,3 +29,13 @@ def kept(text: str) -> str:
     """Return what an engine says as records hold it: of bounded length, and what UTF-8 cannot say written out."""
     text = text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."
     return text.encode("utf-8", "backslashreplace").decode()
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the file in what the system says while it is written: of a full disk it says no more than that."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise

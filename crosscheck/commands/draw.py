@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.usage import SceneFile, positive, writable
-from crosscheck.errors import PASS, CannotRun, UsageError
+from crosscheck.errors import PASS, CannotRun, UsageError, naming
 from refkin.model import Effect, Scene
 from refkin.output import MissingPackage, NothingToDraw, SceneMotion
 from refkin.scenes.files import load
@@ -49,7 +49,7 @@ def draw(
         raise UsageError(f"--time: expected a finite number [s], got {time}")
     file = out or Path(f"{scene.stem}.svg")
     writable("out", file)
-    with _one_line():
+    with _one_line(), naming(file):
         effects = frozenset(Effect) if acceleration else frozenset({Effect.VELOCITY} if velocity else ())
         picture = _drawable(load(scene), effects).plot(time, velocity=velocity, acceleration=acceleration)
         picture.save(file)
@@ -73,7 +73,7 @@ def animate(scene: SceneFile, *, out: Path | None = None, seconds: float = 4.0) 
     positive("seconds", seconds)
     file = out or Path(f"{scene.stem}-moving.svg")
     writable("out", file)
-    with _one_line():
+    with _one_line(), naming(file):
         picture = _drawable(load(scene), frozenset()).animate(seconds)
         picture.save(file)
     print(f"{file}: {picture.drawing.scene.name}, {len(picture.drawing.t)} poses in {seconds:g} s")

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json, SceneFile, positive, print_numbers, writable
-from crosscheck.errors import UsageError
+from crosscheck.errors import UsageError, naming
 from refkin.errors import UnknownName
 from refkin.model import Scene
 from refkin.motion import BodyMotion
@@ -145,7 +145,8 @@ def print_path(
     choose = straight_on if through else None
     path = follow(driven, direction=-1 if backwards else 1, until=until, choose=choose, most_points=most_points)
     if csv is not None:
-        path.to_csv(csv)
+        with naming(csv):
+            path.to_csv(csv)
     if as_json:
         print(json.dumps(to_json(read, parameter, path)))
     else:

@@ -16,7 +16,7 @@ from rich.table import Table
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
-from crosscheck.errors import DISAGREEMENT, PASS, UsageError
+from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming
 from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import WITHIN, PriceList
@@ -66,7 +66,8 @@ def price(
         return DISAGREEMENT
     result = to_json(prices)
     if page is not None:
-        page.write_text(page_of(result), encoding="utf-8")
+        with naming(page):
+            page.write_text(page_of(result), encoding="utf-8")
     if before is not None:
         return PASS if print_repeated(before, result, as_json) else DISAGREEMENT
     if as_json:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
+from crosscheck.errors import naming
 from refkin.model import Scene
 from refkin.motion import BodyMotion, Motion, Status
 from refkin.output import SceneMotion
@@ -40,7 +41,8 @@ def solve(scene: SceneFile, *, as_json: Json = False, csv: Path | None = None) -
         print(f"{len(read.times)} times: this takes about {seconds:.0f} s", file=sys.stderr, flush=True)
     motion = solving.solve(read)
     if csv is not None:
-        motion.to_csv(csv)
+        with naming(csv):
+            motion.to_csv(csv)
         print(f"{csv}: {len(motion.t)} times, verdict {motion.verdict}", file=sys.stderr)
     if as_json:
         print(json.dumps(to_json(read, motion)))

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError
 
-from crosscheck.errors import CannotRun
+from crosscheck.errors import CannotRun, UsageError
 from crosscheck.judge.records import Disagreement, Record, Strict, adapter, fault
 
 Predicate = Callable[[Record], bool]
@@ -141,12 +141,15 @@ def table(choice: str = "") -> tuple[KnownGap, ...]:
 
     Raises
     ------
-    InvalidGap, OSError
+    UsageError, OSError
         If the file makes no sense, or cannot be read.
     """
     if choice == "none":
         return ()
-    return read(Path(choice).read_text(encoding="utf-8") if choice else None)
+    try:
+        return read(Path(choice).read_text(encoding="utf-8") if choice else None)
+    except (InvalidGap, UnicodeDecodeError) as error:
+        raise UsageError(f"{choice}: {error}") from error
 
 
 def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int | None]:
@@ -179,7 +182,7 @@ def rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]
         written = table.pop(key, [])
         rows: tuple[Any, ...] = adapter(tuple[kind, ...]).validate_python(written)
     except tomllib.TOMLDecodeError as error:
-        raise InvalidGap(f"{file}: {error}") from error
+        raise InvalidGap(f"no TOML: {error}") from error
     except ValidationError as error:
         raise InvalidGap(fault(error, key)) from error
     empty = [f"{key}.{k}.{name}" for k, row in enumerate(written) for name, value in row.items() if value == ""]

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from crosscheck.errors import UsageError
+from crosscheck.errors import UsageError, naming
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import NewCase, Record, Strict, Unreadable, line_of, read_file, read_records
 from crosscheck.scenes.names import PEERS
@@ -129,16 +128,6 @@ class Journal:
 def _number(record: Record) -> int | None:
     number = record.about.get("shard")
     return number if isinstance(number, int) else None
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the file in what the system says while it is written: of a full disk it says no more than that."""
-    try:
-        yield
-    except OSError as error:
-        error.filename = error.filename or str(path)
-        raise
 
 
 def replace_file(path: Path, text: str) -> None:

@@ -205,7 +205,7 @@ class Sweep(Steps):
         rates = [self.full.nu(*pose) for pose in zip(self.q[-2:], self.t[-2:], strict=True)]
         law = self._smallest(target) * float(np.max(np.abs(rates)))
         if self.singular or sigma <= min(BEFORE * max(law, EPS) ** 0.5, CLEAR):
-            self.why = f"the branch ends at a singular pose after t = {t:.17g}"
+            self.why = f"the branch ends or meets another at a singular pose after t = {t:.17g}"
         elif law > TINY:
             self.why = f"t has no more digits at t = {t:.17g}: by its last one a law moves by {law:.3g} [sizes, rad]"
             return Arrival.OUT_OF_STEPS

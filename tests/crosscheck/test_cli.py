@@ -105,6 +105,7 @@ def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
         (("--workers", "-1"), "--workers: expected a number above 0, got -1"),
         (("--scene-seconds", "0"), "--scene-seconds: expected a number above 0, got 0.0"),
         (("--out", str(GOOD)), f"--out: expected a folder, got the file {GOOD}"),
+        (("--known-gaps", str(FRAMES)), f"{FRAMES}: no TOML: "),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -403,6 +404,18 @@ def test_a_table_in_a_file_and_one_object_are_had_at_once(command, tmp_path):
 
     assert json.loads(process.stdout)["verdict"] == "ok"
     assert (tmp_path / "answer.csv").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full is of Linux")
+@pytest.mark.parametrize("arguments", [("solve", "--csv"), ("follow", "--csv"), ("draw", "--out")])
+def test_a_full_disk_is_told_with_the_file_that_was_written(arguments, command, tmp_path):
+    asked, option = arguments
+    full = tmp_path / "out.svg"
+    full.symlink_to("/dev/full")
+    process = command(asked, GOOD, option, full)
+
+    assert process.returncode == 4
+    assert process.stderr.splitlines()[-1] == f"{full}: No space left on device"
 
 
 def test_an_answer_is_written_as_a_table(tmp_path, command):

@@ -233,7 +233,7 @@ def test_what_is_wrong_and_has_no_class_is_unexplained():
         (ROW.replace('script = "d"', ""), "finding.0: .* neither scene nor script"),
         (ROW.replace('script = "d"', 'script = ""'), "finding.0.script: ''; string should have at least 1 character"),
         (ROW + "colour = 1\n", "finding.0.colour: 1; unexpected"),
-        (ROW + "[[", "findings.toml: "),
+        (ROW + "[[", "no TOML: "),
     ],
 )
 def test_a_finding_that_makes_no_sense_gets_one_clear_error(text, told):

@@ -107,7 +107,7 @@ FAULTS = {
     "a number": (ROW.replace('"shipped"', "3"), "gap.0.method: 3; input should be a valid string"),
     "second row": (ROW + ROW.replace("anywhere", "nowhere"), "gap.1.predicate"),
     "another table": (ROW.replace("[[gap]]", "[[gaps]]"), "gaps: no such key; there is: gap"),
-    "not TOML": (ROW + "[[", r"known_gaps.toml: .*\(at end of document\)"),
+    "not TOML": (ROW + "[[", r"no TOML: .*\(at end of document\)"),
 }
 
 

@@ -74,7 +74,7 @@ FLAT = (-3.7219566330096985 + 1e-9, -1.889041898950115, 0.9445209494750575)
 SAID = {
     "gave up at t = {}: the laws turn back {}": (shaken(1e4), shaken(1e2)),
     "more than {} times before t = {}": (shaken(1e4), shaken(1e2)),
-    "the branch ends at a singular pose after t = {}": (
+    "the branch ends or meets another at a singular pose after t = {}": (
         scene("fast-table-pulse"),
         scene("fast-table-pulse", times=(0.0, 0.2)),
     ),
