@@ -1,4 +1,4 @@
-"""What tests of commands share: the command line in this process, and what it said."""
+"""What tests share: the command line in this process, and what it said; no drawn case has a deadline."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
+from hypothesis import settings
 
 from crosscheck.cli import main
 from refkin.model import Scene
 from refkin.scenes.files import to_toml
+
+settings.register_profile("no speed", deadline=None)  # a busy machine takes as long as it takes
+settings.load_profile("no speed")
 
 
 class Told(NamedTuple):
