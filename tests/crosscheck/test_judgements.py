@@ -7,10 +7,7 @@ file anew, `python -m tests.crosscheck.test_judgements`, and says what changed.
 
 from __future__ import annotations
 
-import json
-import math
 import random
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, replace
 from itertools import cycle
@@ -38,6 +35,7 @@ from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.scenes.files import load
+from tests.kept import differences, plain, read, same, write
 from tests.refkin.test_answers import files
 
 FILE = Path(__file__).with_name("judgements.json")
@@ -49,10 +47,7 @@ SCENES = (
 )
 AT = 3
 """Times of each scene, at most."""
-CLOSE = 1e-6
-"""What another processor makes of a number, as a part of it."""
 MOVED = 1e-3
-BY_ROUNDING = "?"
 TERMS = (
     (),
     (Term(name="left", level="position", reason="made up", absolute=1e-11, relative=0.5),),
@@ -258,44 +253,7 @@ def own_rows(scene: Scene, at: list[Configuration]) -> Any:
     return rows
 
 
-def plain(item: Any) -> Any:
-    """Return something as JSON has it: numbers to ten figures, those that are none as words."""
-    if isinstance(item, dict):
-        return {str(key): plain(value) for key, value in item.items()}
-    if isinstance(item, list | tuple | np.ndarray):
-        return [plain(value) for value in (item.tolist() if isinstance(item, np.ndarray) else item)]
-    if isinstance(item, np.generic):
-        item = item.item()
-    if isinstance(item, float):
-        return float(f"{item:.8g}") if abs(item) < 1e300 else str(item)
-    return item if item is None or isinstance(item, bool | int) else str(item)
-
-
-def differences(now: Any, was: Any, where: str = "") -> Iterator[str]:
-    """Yield where something is not what it was; what hangs on rounding is not kept."""
-    if was == BY_ROUNDING:
-        return
-    if isinstance(was, dict | list) and type(now) is type(was):
-        pairs = {str(k): v for k, v in (was.items() if isinstance(was, dict) else enumerate(was))}
-        others = {str(k): v for k, v in (now.items() if isinstance(now, dict) else enumerate(now))}
-        if pairs.keys() != others.keys():
-            yield f"{where}: {sorted(others)} instead of {sorted(pairs)}"
-        for key in pairs.keys() & others.keys():
-            yield from differences(others[key], pairs[key], f"{where}.{key}")
-    elif isinstance(now, float) or isinstance(was, float):
-        if (
-            isinstance(now, str)
-            or isinstance(was, str)
-            or now is None
-            or was is None
-            or not math.isclose(now, was, rel_tol=CLOSE, abs_tol=1e-300)
-        ):
-            yield f"{where}: {now} instead of {was}"
-    elif now != was:
-        yield f"{where}: {now} instead of {was}"
-
-
-KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+KEPT = read(FILE)
 
 
 @pytest.mark.parametrize("name", KEPT)
@@ -308,17 +266,7 @@ def shaken(scene: Scene) -> Scene:
     return replace(scene, mechanism=replace(m, joints=nudged(m.joints, numbers)))
 
 
-def same(one: Any, other: Any) -> Any:
-    """Return what two judgements have in common."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        return {key: same(one[key], other[key]) for key in one}
-    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        return [same(*pair) for pair in zip(one, other, strict=True)]
-    return BY_ROUNDING if any(differences(one, other)) else one
-
-
 if __name__ == "__main__":
     scenes = {name: load(files()[name]) for name in SCENES}
     said = {name: same(judged(scene), judged(shaken(scene))) for name, scene in scenes.items()}
-    lines = (f"{json.dumps(name)}: {json.dumps(of_scene)}" for name, of_scene in said.items())
-    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    write(FILE, said)
