@@ -62,9 +62,8 @@ class Length:
 class RowMap:
     """Row `row` of the joint or driver `constraint` is row `engine_row` of the engine, as factor * form.
 
-    `derived` says that the adapter supplied part of the row (a product rule, say), so that it proves less. `either`
-    says that the sign is that of Euler parameters, of which p and -p are one pose: it is the sign with which the
-    residual is ours, at all levels.
+    `either` says that the sign is that of Euler parameters, of which p and -p are one pose: it is the sign with which
+    the residual is ours, at all levels.
     """
 
     constraint: str
@@ -72,7 +71,6 @@ class RowMap:
     engine_row: int
     factor: float = 1.0
     form: Form = Linear()
-    derived: bool = False
     either: bool = False
 
 

@@ -33,7 +33,7 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
-from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
+from crosscheck.engines.exudyn.integration import FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.exudyn.parts import Builder
 from crosscheck.engines.exudyn.solve import (
@@ -42,7 +42,7 @@ from crosscheck.engines.exudyn.solve import (
     StaticNewton,
     in_metres,
     start_of,
-    stopped_at,
+    stopping_rule,
 )
 from crosscheck.engines.exudyn.space import STILL_TERMS, ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import SpaceModel
@@ -198,18 +198,9 @@ class PlaneModel:
         return engine_motion(scene.times, scene.wanted, *levels, status, producer, **more)
 
     def stop(self, scene: Scene) -> Term:
-        """Return what SolveStatic leaves of the residual in metres and rad, all rows together, in the scaled residual.
-
-        The row of a distance driver is exudyn's |d| - f times f.
-        """
+        """Return what SolveStatic leaves of the residual in metres and rad."""
         elements, t = list(elements_of(scene.mechanism.constraints)), np.array(scene.times)
         values = np.array([law(t, 0) + 0.0 * t for driver in scene.mechanism.drivers for law in driver.laws])
-        left = stopped_at(self.model.residual(self.start, scene.times[0]), values)
-        driven = [e for e in elements if isinstance(e, PointDistance) and e.laws]
-        lengths = [float(np.max(np.abs(e.laws[0](t, 0)))) / self.size for e in driven]
-        return Term(
-            name="stopping rule",
-            level="position",
-            reason=f"SolveStatic stops at a residual of {left:.1e} m or rad by its default tolerances",
-            absolute=left * max(1.0, 1.0 / self.size) * max([1.0, *lengths]),
-        )
+        residual = self.model.residual(self.start, scene.times[0])
+        lengths = [e.laws[0](t, 0) / self.size for e in elements if isinstance(e, PointDistance) and e.laws]
+        return stopping_rule(residual, values, lengths, max(1.0, 1.0 / self.size), "m or rad")

@@ -7,6 +7,7 @@ velocity and acceleration are solved from exudyn's rows by NumPy, time by time, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,10 +16,9 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, refusals
-from crosscheck.engines.exudyn.direct import ChainSolver, Direct
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
-from crosscheck.engines.exudyn.model import ExudynModel, bear_redundant_rows
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
 from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, rates_here, start_of
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
@@ -32,6 +32,10 @@ TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 """Norms of the residual at which the static solver stops, in sizes of the mechanism."""
 DIRECT = (1e-4, 1e-8, 5e-15)
 """The same where poses are extrapolated; the last is round-off."""
+BARE = 1e-12
+"""The same where rounding does not let it reach a tighter one."""
+CHAIN_TOLERANCE = 1e-9
+"""The norm of the residual [m] at which its Newton stops on a chain; one correction more squares the error."""
 STEPS = (1, 3, 10, 30)
 """Steps of the time integration from one time of the scene to the next."""
 SCALED = "lengths in sizes of the mechanism"
@@ -57,12 +61,9 @@ def methods() -> Iterator[Method]:
             batch=_batched if best else None,
         )
     yield _method("SolveStatic, as shipped", "default tolerances", _shipped, RATES)
-    for tolerance in TOLERANCES:
-        setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
-        yield _method("SolveStatic", setting, partial(_static, tolerance), note)
-    for tolerance in TOLERANCES:
-        setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
-        yield _method("MainSolverStatic.Newton", setting, partial(_newton, tolerance), note)
+    for name, build in (("SolveStatic", _static), ("MainSolverStatic.Newton", _newton)):
+        for tolerance in TOLERANCES:
+            yield _method(name, f"absoluteTolerance {tolerance:g}", partial(build, tolerance), f"{SCALED}; {RATES}")
     for name, (kind, radius) in INTEGRATED.items():
         for steps in STEPS:
             yield _method(
@@ -96,9 +97,17 @@ def _direct(tolerance: float, scene: Scene) -> Model:
     if in_space(scene.mechanism) and not refusals(Exudyn(), scene, Level.SOLVE):
         kept, producer = SpaceModel(scene, (tolerance,)), Producer(name="exudyn", version="", route=STATIC)
         return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order]), producer), levels_of)
-    unit = scene.mechanism.unit()
-    direct = Direct(_checked(scene), unit, start_of(scene, unit), tolerance)
-    return Model(direct.solve, partial(in_metres, unit))
+    at = Static(_checked(scene), scene.mechanism.unit(), extrapolates=True)
+    if at.model.lengths():
+        raise EngineError("a driven distance is set anew at each time, which the direct Newton does not do")
+    at.model.clock.tabulate(scene.times, 2)  # the laws themselves would be a good part of the time
+    return at.by(partial(_once_or_bare, StaticNewton(at.model), tolerance))
+
+
+def _once_or_bare(newton: StaticNewton, tolerance: float, t: float, start: Any) -> Any:
+    with suppress(EngineError):
+        return newton.once(t, start, tolerance)
+    return newton.once(t, start, max(tolerance, BARE))
 
 
 def _batched(workload: Workload, order: int) -> Batch:
@@ -135,10 +144,13 @@ def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Mo
 
 
 class Static:
-    """A scene in exudyn's static solver, in a unit of length."""
+    """A scene in exudyn's static solver, in a unit of length.
 
-    def __init__(self, scene: Scene, unit: Unit) -> None:
-        self.scene, self.unit = scene, unit
+    Each pose is started at the last one that was reached, or, if it `extrapolates`, where that one's rates lead.
+    """
+
+    def __init__(self, scene: Scene, unit: Unit, *, extrapolates: bool = False) -> None:
+        self.scene, self.unit, self.extrapolates = scene, unit, extrapolates
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
         self.start = start_of(scene, unit)
 
@@ -148,15 +160,49 @@ class Static:
 
     def solve(self, step: Any, order: int) -> list[Any]:
         """Return the levels up to an order."""
-        times, q = self.scene.times, self.start
+        times, q, reached = self.scene.times, self.start, 0
         levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
         for k, t in enumerate(times):
             try:
-                q = step(t, q)
+                q = step(t, self._ahead(levels, k, reached) if self.extrapolates and reached else q)
             except EngineError:
+                reached = 0
                 continue
+            reached += 1
             levels[0][:, k] = q
             if order:
                 for level, rate in zip(levels[1:], rates_here(self.model, t, order), strict=True):
                     level[:, k] = rate
         return levels
+
+    def _ahead(self, levels: list[Any], k: int, reached: int) -> Any:
+        """Return the k-th pose by the rates of the one before it, or by the way to that from the one before it."""
+        t, (q, *rates) = self.scene.times, (level[:, k - 1] for level in levels)
+        h = t[k] - t[k - 1]
+        if rates:
+            return q + h * (rates[0] + 0.5 * h * rates[1] if len(rates) > 1 else rates[0])
+        return q if reached == 1 else q + (q - levels[0][:, k - 2]) * (h / (t[k - 1] - t[k - 2]))
+
+
+class ChainSolver:
+    """A chain in exudyn, with its sparse solver, at one configuration."""
+
+    def __init__(self, work: Chain) -> None:
+        scene = work.scene
+        self.start = work.start
+        model = self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
+        model.settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+        model.solver.InitializeSolver(model.mbs, model.settings)
+        model.set_time(scene.times[0])
+
+    def run(self) -> int:
+        """Let its Newton go from the start to a tolerance; return how many iterations it made."""
+        self.model.data.SetODE2Coordinates(self.start, CURRENT)
+        self.model.newton(CHAIN_TOLERANCE)
+        return int(self.model.solver.it.newtonSteps)
+
+    def answered(self) -> Any:
+        """Return the coordinates (n,) where it ends, after one more correction."""
+        self.run()
+        self.model.newton(CHAIN_TOLERANCE)
+        return self.model.data.GetODE2Coordinates(CURRENT)

@@ -121,6 +121,14 @@ class ExudynSystem:
         if not success:
             raise EngineError("SolveStatic reported no success")
 
+    def drifts(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return gamma at several configurations."""
+        raise NotImplementedError
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return gamma: minus the second derivative of rows, from exudyn's accelerations of points, at qdd = 0."""
+        return self.drifts(q[None], qd[None], np.array([t]))[0]
+
     def close(self) -> None:
         """Free what exudyn holds."""
         self.container.Reset()
@@ -225,10 +233,6 @@ class ExudynModel(ExudynSystem):
                 rows[:] = self.with_rates(self.equations(of_velocity=True))
         return out
 
-    def drift(self, q: Array, qd: Array, t: float) -> Array:
-        """Return gamma, (m,): phi_q qdd = gamma; from exudyn's accelerations of points at qdd = 0."""
-        return self.drifts(q[None], qd[None], np.array([t]))[0]
-
     def drift_here(self, qd: Array) -> Array:
         """Return gamma, (m,), where exudyn stands, at the time and with the laws' derivatives that were set."""
         self.data.SetODE2Coordinates_t(qd, CURRENT)
@@ -293,14 +297,7 @@ def bear_redundant_rows(settings: Any) -> None:
 
 def _row_maps(engine_rows: list[int], block: Block) -> list[RowMap]:
     return [
-        RowMap(
-            constraint=block.constraint,
-            row=block.first + k,
-            engine_row=engine_row,
-            factor=factor,
-            form=form,
-            derived=block.cylinder is not None,
-        )
+        RowMap(constraint=block.constraint, row=block.first + k, engine_row=engine_row, factor=factor, form=form)
         for k, (engine_row, (factor, form)) in enumerate(zip(engine_rows, block.maps, strict=True))
     ]
 

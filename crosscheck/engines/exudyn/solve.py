@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineError
+from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import March, march, march_of
@@ -307,15 +307,28 @@ def start_of(scene: Scene, unit: Unit) -> Array:
     return start.ravel()
 
 
-def stopped_at(residual: Array, values: Array) -> float:
-    """Return the norm of the residual, all rows together, at which SolveStatic stops by its default tolerances.
+def stopping_rule(residual: Array, values: Array, lengths: Sequence[Array], factor: float, unit: str) -> Term:
+    """Return what SolveStatic leaves of the residual, all rows together, in the scaled one: the row |d| - f times f.
 
-    That is the larger of an absolute one and a part of the norm that it started with. It starts at the estimate, whose
-    residual is given, and later at the last pose, where only rows of drivers, values (laws, T), are not zero.
+    It stops at the larger of an absolute norm and a part of that which it started with: at the estimate, of which the
+    residual is given, later at the last pose, where only rows of drivers, values (laws, T), are not zero.
+
+    Parameters
+    ----------
+    lengths : sequence of (T,) array
+        The distances of drivers, in sizes.
+    factor : float
+        By which exudyn's residual, in its `unit`, becomes the scaled one.
     """
     newton = quiet_settings().staticSolver.newton
     norms = [np.linalg.norm(residual), *(np.linalg.norm(np.diff(values), axis=0) if len(values) else ())]
-    return float(max(newton.absoluteTolerance, newton.relativeTolerance * max(norms)))
+    left = float(max(newton.absoluteTolerance, newton.relativeTolerance * max(norms)))
+    return Term(
+        name="stopping rule",
+        level="position",
+        reason=f"SolveStatic stops at a residual of {left:.1e} {unit} by its default tolerances",
+        absolute=left * factor * max([1.0, *(float(np.max(np.abs(length))) for length in lengths)]),
+    )
 
 
 def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
@@ -341,25 +354,18 @@ def rates_here(model: ExudynModel, t: float, order: int) -> list[Array]:
 
 
 def solved(jacobian: Array, right: Array) -> Array:
-    """Return x of jacobian x = right, of redundant rows by least squares; NaN where the matrix is singular.
+    """Return x of jacobian (m, n) x = right (m,), of redundant rows by least squares; NaN where the matrix is singular.
 
     Singular also means: x outgrows the right side by so much that the rounding of the matrix alone makes up for it.
-
-    Parameters
-    ----------
-    jacobian, right : (m, n) and (m,) array, or (B, m, n) and (B, m)
     """
-    if jacobian.ndim == 2:
-        return solved(jacobian[None], right[None])[0]
-    _, m, n = jacobian.shape
-    x = solve(jacobian, right)
+    m, n = jacobian.shape
+    x = solve(jacobian[None], right[None])[0]
     if m == n:
-        rounding = n * EPS * np.abs(jacobian).max(axis=(1, 2)) * np.abs(x).max(axis=1)
-        sound = rounding <= np.abs(right).max(axis=1)
+        sound = n * EPS * np.abs(jacobian).max() * np.abs(x).max() <= np.abs(right).max()
     else:
         sigma = np.linalg.svd(jacobian, compute_uv=False)
-        sound = sigma[:, -1] > EPS * max(m, n) * sigma[:, 0]
-    return np.where(sound[:, None], x, np.nan)
+        sound = sigma[-1] > EPS * max(m, n) * sigma[0]
+    return x if sound else np.full(n, np.nan)
 
 
 def _largest(x: Array) -> float:

@@ -290,12 +290,8 @@ class ExudynSpace(ExudynSystem):
                 out[k] = -fd * (frame[:, F] @ self._turned(line.hold.body_j) @ line.hold.frame_j[:, F])
         return out
 
-    def drift(self, q: Array, qd: Array, t: float) -> Array:
-        """Return gamma (m,) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
-        return self.drifts(q[None], qd[None], np.array([t]))[0]
-
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return gamma (B, m) at several configurations."""
+        """Return gamma (B, m) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
         read = self._readings(q, qd, t.tolist())
         return np.stack([-self._bend(line, t, read) for line in self.lines], axis=1)
 
@@ -409,7 +405,6 @@ class ExudynSpaceRows(ExudynSpace):
                 engine_row=k,
                 factor=line.factor,
                 form=Length(line.hold.length) if line.what == ("length",) and line.drive is None else Linear(),
-                derived=line.drive is not None,
             )
             for k, line in enumerate(self.lines)
         )

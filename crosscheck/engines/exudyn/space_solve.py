@@ -8,13 +8,14 @@ there too. `shipped` is what a user gets who changes no setting: each solve star
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
-from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, stopped_at
+from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
@@ -66,15 +67,9 @@ class SpaceModel:
         """Return what SolveStatic leaves of the residual, as in the plane."""
         drives, t = self.numbers.drives, np.array(scene.times)
         values = np.array([law_value(drive, t, 0) for drive in drives])
-        left = stopped_at(self.model.residual(self.start, scene.times[0]), values)
-        lengths = [float(np.abs(x).max()) for x, d in zip(values, drives, strict=True) if d.kind == DISTANCE]
-        return Term(
-            name="stopping rule",
-            level="position",
-            reason=f"SolveStatic stops at a residual of {left:.1e} sizes or half rad by its default tolerances",
-            absolute=2.0 * left * max([1.0, *lengths]),
-            form=FORM,
-        )
+        residual = self.model.residual(self.start, scene.times[0])
+        lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == DISTANCE]
+        return replace(stopping_rule(residual, values, lengths, 2.0, "sizes or half rad"), form=FORM)
 
 
 class SpaceEquations(OwnSolver):

@@ -43,7 +43,7 @@ from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
 from crosscheck.engines.tree.tree_system import Places
-from refkin.joints import GROUND, Constraint, PointDistance, PointsCoincide, RelativeAngle, RollingWheels, elements_of
+from refkin.joints import GROUND, Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
 
@@ -231,13 +231,7 @@ class AbsoluteRows:
             self._metre[driven.source] *= tree.size
         self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
         self.rows = tuple(
-            RowMap(
-                constraint=s.element.name,
-                row=s.element.row + s.row,
-                engine_row=k,
-                form=s.form,
-                derived=s.guide is not None or (isinstance(s.element, PointDistance) and bool(s.element.laws)),
-            )
+            RowMap(constraint=s.element.name, row=s.element.row + s.row, engine_row=k, form=s.form)
             for k, s in enumerate(sources)
         )
 
