@@ -13,10 +13,10 @@ from flint import arb, ctx
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
-from refkin.proof.numbers.bounded import bounded_system, box, read
+from refkin.proof.numbers.bounded import Times, bounded_system, box, read
 from refkin.proof.path.blocks import Blocks
 from refkin.proof.path.branch import first_unproved
-from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes, _over_times, _Spans
+from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes
 from refkin.proof.pose.krawczyk import BallEquations
 from refkin.scenes.linkages import Hooke
 from refkin.solving import starts as starting
@@ -193,7 +193,7 @@ def test_the_right_sides_over_an_interval_hold_their_values_there():
     law = Sinusoid(amplitude=1.0, angular_frequency=3.0, offset=0.5)
     system = compile_system(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=(0.0,)).mechanism)
     t, half, q = np.array([0.2, 0.9]), np.array([0.05, 0.2]), np.zeros(system.n)
-    over = read(_over_times(bounded_system(system)).nu(box(np.zeros((system.n, 2))), _Spans(t, half)), 2)
+    over = read(bounded_system(system).nu(box(np.zeros((system.n, 2))), Times(t, 1, half)), 2)
     for part in (-1.0, -0.5, 0.5, 1.0):
         there = np.stack([system.nu(q, at) for at in (t + part * half).tolist()], axis=1)
 

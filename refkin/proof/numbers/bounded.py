@@ -30,7 +30,7 @@ import numpy as np
 from flint import arb, ctx
 
 from refkin.joints import Unit
-from refkin.proof.numbers.exact import exact_system
+from refkin.proof.numbers.exact import continued, exact_system
 from refkin.system import System
 
 U = 2.0**-53
@@ -226,11 +226,10 @@ def product(matrix: Any, vector: Any) -> Any:
 
 
 class Times:
-    """Times (B,) for a `bounded_system`, with the laws' values there, each computed exactly and once."""
+    """Times (B,), or all within `half` of them, for a `bounded_system`; each law is computed exactly and once."""
 
-    def __init__(self, t: Any, order: int) -> None:
-        self.t = np.asarray(t, float)
-        self.order = order
+    def __init__(self, t: Any, order: int, half: Any = None) -> None:
+        self.t, self.order, self.half = np.asarray(t, float), order, half
         self._values: dict[str, list[Any]] = {}
 
     def values(self, constraint: Any, unit: Unit) -> list[Any]:
@@ -241,6 +240,18 @@ class Times:
                 laws = [[[parts(x) for x in at] for at in law] for law in zip(*inputs, strict=True)]
             self._values[constraint.name] = [np.moveaxis(np.array(law), 0, -1) for law in laws]
         return self._values[constraint.name]
+
+    def moves(self, constraint: Any, unit: Unit) -> Any:
+        """Return bounds of |f(t + s) - f(t)| and |f'(t + s) - f'(t)|, |s| <= half, for each law, (laws, 2, B).
+
+        As balls the intervals are a rounding longer than they are: where a table ends, its last piece goes on so long.
+        """
+        onward, widths = continued(constraint), []
+        with ctx.workprec(LAW_BITS):
+            for t, half in zip(self.t.tolist(), self.half.tolist(), strict=True):
+                at, around = (onward.inputs(x, unit, 1) for x in (arb(t), arb(t, half)))
+                widths.append([[half * _above(b[1]), _above(b[1] - a[1])] for a, b in zip(at, around, strict=True)])
+        return np.moveaxis(np.array(widths), 0, -1)
 
 
 @dataclass(frozen=True)
@@ -273,6 +284,9 @@ class _Rounded:
         if not self.exact.laws:
             return ()
         values = t.values(self.exact, unit)
+        if t.half is not None:
+            moves = t.moves(self.exact, unit)
+            return tuple(tuple(map(self.number.near, law, by)) for law, by in zip(values, moves, strict=True))
         # Numbers have the size that they have in a scene: subtracting the origin afterwards takes nothing away.
         in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, Unit(unit.size))
         return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, in_scene, strict=True))
@@ -288,7 +302,7 @@ class _Rounded:
                 middle = arb(high) + arb(float(mid - high))
                 values.append([parts(x) for x in self.exact.profile_values(middle, unit, order)])
                 around = self.exact.profile_values(middle + arb(0, off), unit, order + 1)[1:]
-                slopes.append([float(abs(x).upper()) * UP + TINY for x in around])
+                slopes.append([_above(x) for x in around])
         rounded = []
         for near, slope in zip(np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, strict=True):
             x = self.number.near(near.reshape(3, *at.shape))
@@ -347,4 +361,8 @@ def parts(x: Any) -> tuple[float, float, float]:
     if x == high:
         return high, 0.0, 0.0
     low = float(x - high)
-    return high, low, float(abs(x - high - low).upper()) * UP + TINY
+    return high, low, _above(x - high - low)
+
+
+def _above(x: Any) -> float:
+    return float(abs(arb(x)).upper()) * UP + TINY

@@ -17,15 +17,13 @@ intervals of time in balls. `ConnectionProof` does the same in balls, one step a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any, cast
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from refkin.joints import Unit
-from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Extended, Times, U, box, off_by
-from refkin.proof.numbers.exact import continued
+from refkin.proof.numbers.bounded import UP, Extended, Times, U, box, off_by
 from refkin.proof.numbers.preconditioned import Preconditioned, independent_rows
 from refkin.proof.pose.krawczyk import BallEquations, Enclosure, column, krawczyk
 from refkin.system import System
@@ -48,66 +46,14 @@ class Tubes:
             pose = Preconditioned(system, rows, q, t, 1)
             at_middle = pose.carried(pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times)))
             swept = UP * np.abs(v) * half
-            line, spans = box(q, swept), _Spans(t, half)
-            along = _over_times(pose.system)
-            rows_of = pose.rows_of
-            rate = off_by(rows_of(pose.system.phi_q(line, pose.times)), v, rows_of(along.nu(line, spans)))
-            moving = pose.carried(rate)
+            line = box(q, swept)
+            slope, nu = pose.system.phi_q(line, pose.times), pose.system.nu(line, Times(t, 1, half))
+            moving = pose.carried(off_by(pose.rows_of(slope), v, pose.rows_of(nu)))
             eta = UP * (np.abs(at_middle[0]) + at_middle[1] + half * (np.abs(moving[0]) + moving[1]))
             self.w = w = eta + off + np.maximum(FLOOR * np.max(eta, axis=0), 64 * U)
-            slope = pose.slope_over(UP * (swept + 2 * w))
-            defect = pose.defect_on(slope, 2 * w) + pose.spread_on(slope.spread, 2 * w)
+            wide = pose.slope_over(UP * (swept + 2 * w))
+            defect = pose.defect_on(wide, 2 * w) + pose.spread_on(wide.spread, 2 * w)
             self.proved = np.all(UP * (eta + defect) <= 2 * w, axis=0)
-
-
-class _Spans(Times):
-    """Times t within `half`; also how far each law's value and rate move there."""
-
-    def __init__(self, t: Any, half: Any) -> None:
-        super().__init__(t, 1)
-        self.half = half
-
-    def moves(self, constraint: Any, unit: Unit) -> Any:
-        """Return bounds of |f(t + s) - f(t)| and |f'(t + s) - f'(t)| for each law, (laws, 2, B)."""
-        with ctx.workprec(LAW_BITS):
-            widths = []
-            for t, half in zip(self.t.tolist(), self.half.tolist(), strict=True):
-                middle, over = arb(t), arb(t, half)
-                at, around = constraint.inputs(middle, unit, 1), constraint.inputs(over, unit, 1)
-                widths.append([[half * _above(b[1]), _above(b[1] - a[1])] for a, b in zip(at, around, strict=True)])
-        return np.moveaxis(np.array(widths), 0, -1)
-
-
-def _above(x: Any) -> float:
-    return float(abs(arb(x)).upper()) * UP + TINY
-
-
-class _OverTimes:
-    """A constraint of a `bounded_system` whose laws are taken over the intervals of `_Spans`.
-
-    As balls they are a rounding longer than they are: where a table ends, its last piece goes on for that long.
-    """
-
-    def __init__(self, rounded: Any) -> None:
-        self.rounded, self.continued = rounded, continued(rounded.exact) if rounded.exact.laws else rounded.exact
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.rounded, name)
-
-    def inputs(self, t: _Spans, unit: Unit, order: int) -> Any:
-        laws = self.rounded.inputs(t, unit, order)
-        if not laws:
-            return laws
-        moves = t.moves(self.continued, unit)
-        return tuple(
-            tuple(Bounded(x.mid, x.rounding, spread) for x, spread in zip(law, by, strict=True))
-            for law, by in zip(laws, moves, strict=True)
-        )
-
-
-def _over_times(system: System) -> System:
-    placed = tuple(replace(p, constraint=cast(Any, _OverTimes(p.constraint))) for p in system.placed)
-    return replace(system, placed=placed)
 
 
 @dataclass
