@@ -13,14 +13,13 @@ from functools import cached_property
 from threading import RLock
 from typing import Any
 
-from refkin.fast.elimination.eliminate import Eliminated, NotReducible, eliminate
+from refkin.fast.elimination.eliminate import Eliminated, Elimination, NotReducible
 from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.prove import proof_of
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.single import Single, compile_single
 from refkin.fast.elimination.trace import Known, known_of, trace
-from refkin.model import Effect
 from refkin.proof.numbers.symbols import Graph
 from refkin.system import System
 
@@ -36,8 +35,6 @@ class Compiled:
     ----------
     levels : int
         1 for positions alone, 2 with velocities, 3 with accelerations: what `program` answers.
-    depends : dict
-        Per coordinate, those that its own equations hold.
     system, known : System, tuple
         A system of this topology, and which numbers of its geometry are structure.
     """
@@ -45,7 +42,6 @@ class Compiled:
     solved: Eliminated
     graph: Graph
     levels: int
-    depends: dict[int, set[int]]
     system: System
     known: Known
     _proofs: dict[Known, Workspaces | None] = field(default_factory=dict)
@@ -140,19 +136,7 @@ def forget() -> None:
 def _compile(system: System, rows: Sequence[int], known: Known) -> Compiled | None:
     traced = trace(system, known, rows)
     try:
-        solved = eliminate(traced)
+        solved = Elimination(traced).result()
     except NotReducible:
         return None
-    by_row = [set(row) for row in traced.phi_q]
-    depends = {c: by_row[r] for c, r in solved.stated_by.items()}
-    for block in solved.blocks:
-        together = set().union(*(by_row[solved.matched[c]] for c in block))
-        depends.update((c, together) for c in block)
-    return Compiled(solved, traced.graph, levels_of(system), depends, system, known)
-
-
-def levels_of(system: System) -> int:
-    """Return how many levels a system's effects call for; accelerations come with velocities."""
-    if Effect.ACCELERATION in system.effects:
-        return 3
-    return 2 if Effect.VELOCITY in system.effects else 1
+    return Compiled(solved, traced.graph, 1 + len(system.effects), system, known)

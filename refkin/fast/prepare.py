@@ -150,7 +150,7 @@ def bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]
     waiting = {c for body in wanted for c in range(*system.columns(body).indices(system.n))}
     while waiting:
         upstream |= waiting
-        reached = set().union(*(made.depends[c] for c in waiting))
+        reached = set().union(*(made.solved.depends[c] for c in waiting))
         of_bodies = {owner[c] for c in reached if c in owner}
         reached |= {c for body in of_bodies for c in range(*system.columns(body).indices(system.n))}
         waiting = reached - upstream

@@ -14,7 +14,7 @@ Murota, Matrices and Matroids for Systems Analysis (2000), section 2.2; Duff and
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,45 +36,36 @@ class Eliminated:
 
     Attributes
     ----------
+    levels : tuple of lists of Symbol
+        Coordinates, velocities, accelerations, n each.
     core : tuple of int
         The coordinates in which Newton iterates.
     blocks : tuple of tuple of int
         The core by groups, each downstream of none that comes later.
     corrections : list of Symbol
         What Newton subtracts from each core coordinate.
-    levels : tuple of lists of Symbol
-        Coordinates, velocities, accelerations, n each.
     determinants, pivots : list of Symbol
         Per block, its determinant, and a measure of how far from singular it is (`blocks.Factored`).
-    stated_by : dict
-        Per coordinate outside the core, the row that states it.
-    matched : dict
-        Per core coordinate, the row that is matched with it.
+    depends : dict
+        Per coordinate, those that its own equations hold.
     """
 
-    core: tuple[int, ...]
-    blocks: tuple[tuple[int, ...], ...]
-    corrections: list[Symbol]
     levels: tuple[list[Symbol], list[Symbol], list[Symbol]]
-    determinants: list[Symbol]
-    pivots: list[Symbol]
-    stated_by: dict[int, int]
-    matched: dict[int, int]
+    core: tuple[int, ...] = ()
+    blocks: tuple[tuple[int, ...], ...] = ()
+    corrections: Sequence[Symbol] = ()
+    determinants: Sequence[Symbol] = ()
+    pivots: Sequence[Symbol] = ()
+    depends: Mapping[int, set[int]] = field(default_factory=dict)
 
 
-def eliminate(traced: Traced) -> Eliminated:
-    """Return the solution of traced equations.
+class Elimination:
+    """The steps of the module, in order, with what they share.
 
     Raises
     ------
     NotReducible
         If some core equations cannot be matched with coordinates.
-    """
-    return Elimination(traced).result()
-
-
-class Elimination:
-    """The steps of the module, in order, with what they share.
 
     Attributes
     ----------
@@ -117,15 +108,22 @@ class Elimination:
             self.known[self.graph.input("qd", c)] = rate
         qdd = self._level([substitute(x, self.known) for x in self.traced.gamma])
         return Eliminated(
+            levels=(self.q, qd, qdd),
             core=tuple(self.core),
             blocks=tuple(tuple(columns) for columns, _, _ in self.groups),
             corrections=[corrections[c] for c in self.core],
-            levels=(self.q, qd, qdd),
             determinants=[f.determinant for _, _, f in self.groups],
             pivots=[f.pivot for _, _, f in self.groups],
-            stated_by={p.coordinate: p.row for p in self.stated},
-            matched={c: self.open_rows[i] for c, i in self.matched.items()},
+            depends=self._depends(),
         )
+
+    def _depends(self) -> dict[int, set[int]]:
+        """Return for each coordinate those that its own equations hold, in a block those of all its rows."""
+        depends = {p.coordinate: set(self.traced.phi_q[p.row]) for p in self.stated}
+        for columns, rows, _ in self.groups:
+            together = {c for i in rows for c in self.traced.phi_q[self.open_rows[i]]}
+            depends.update(dict.fromkeys(columns, together))
+        return depends
 
     def _coordinates(self) -> list[Symbol]:
         """Return all coordinates in terms of the core, and note them in `known`."""

@@ -96,8 +96,7 @@ def proof_of(system: System, zeros: Known, levels: int) -> Workspaces | None:
         outputs = _Prover(system, traced, levels).outputs()
     except (NoBound, NotReducible):
         return None
-    solution = Eliminated((), (), [], (outputs, [], []), [], [], {}, {})
-    return Workspaces(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False))
+    return Workspaces(schedule(Eliminated((outputs, [], [])), traced.graph, [range(len(outputs))], half_angles=False))
 
 
 class _Prover:

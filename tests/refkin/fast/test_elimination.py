@@ -15,6 +15,7 @@ from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
 from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of
 from refkin.fast.elimination.run import Workspace
 from refkin.fast.elimination.schedule import schedule
+from refkin.fast.elimination.trace import known_of, trace
 from refkin.fast.elimination.tree import spanning_tree
 from refkin.joints import AngleDriver
 from refkin.proof.numbers.symbols import Graph
@@ -52,8 +53,8 @@ def run(scene, spread=0.05):
 @pytest.mark.parametrize("name", SCENES)
 def test_the_stated_coordinates_satisfy_their_rows(name):
     system, _, q, t = run(SCENES[name])
-    made = compiled(system, range(system.n), [p.g for p in system.placed])
-    rows = list(made.solved.stated_by.values())
+    traced = trace(system, known_of([p.g for p in system.placed]), range(system.n))
+    rows = [pivot.row for pivot in eliminate.Elimination(traced).stated]
 
     assert np.max(np.abs(system.phi(q, t)[rows]), initial=0.0) < 2e-15 * np.max(np.abs(q))
 
@@ -97,8 +98,6 @@ def solved(numbers, right):
         levels=([*block.solve(entries[size * size :]), graph.input("q", 0)], [], []),
         determinants=[block.determinant],
         pivots=[block.pivot],
-        stated_by={},
-        matched={},
     )
     space = Workspace(schedule(solution, graph, [range(size + 1)], half_angles=False), numbers.shape[2])
     space.give_laws({0: [[*numbers.reshape(size * size, -1), *right]]})
@@ -181,8 +180,6 @@ def test_pivots_of_the_tree_come_after_what_they_need(name):
 
 
 def program_rows(system):
-    from refkin.fast.elimination.trace import known_of, trace
-
     return trace(system, known_of([p.g for p in system.placed]), range(system.n)).phi_q
 
 
