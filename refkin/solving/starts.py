@@ -14,7 +14,7 @@ from refkin.model import Mechanism, Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
+from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.search import PRIMES, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
@@ -112,13 +112,11 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
     for k in range(NEW_ESTIMATES + 1):
         start, new = _new_estimate(system, estimate, k, t) if k else estimate, " from a new estimate" if k else ""
         damped = position(system, start, t, damped=True, max_iterations=30)
-        least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
         if damped.converged and _is_root(system, damped.q, t):
             return damped.q, f"damped Newton{new}", damped.residual
-        if least.converged:
-            q = polished(least, position(system, least.q, t, max_iterations=60))
-            if _is_root(system, q, t):
-                return q, f"least squares{new}", least.residual
+        least = least_squares(system, start, t)
+        if least.converged and _is_root(system, least.q, t):
+            return least.q, f"least squares{new}", least.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
     return None, "", float(smallest)
 

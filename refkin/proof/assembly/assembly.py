@@ -20,12 +20,11 @@ from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
 from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
-from refkin.proof.assembly.dyads import across, certain_miss, point_rows
 from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import PointRow, RowKind, read_rows
 from refkin.proof.assembly.search import Assemblies, by_search, closes, coordinates, none_of, search
-from refkin.proof.assembly.spatial import assemblies_in_space
+from refkin.proof.assembly.spatial import across, assemblies_in_space, certain_miss, point_rows
 from refkin.system import System
 
 PRECISION = 113

@@ -12,13 +12,14 @@ minimum with phi != 0 is no root: there it *stalls*, and says so. (J. J. More, N
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from refkin.analysis import position
 from refkin.differences import EPS
 from refkin.newton import NewtonResult, NewtonStatus, is_round_off
+from refkin.system import System
 
 MOST_TRIED = 60
 """Corrections that are tried at most."""
@@ -28,30 +29,26 @@ FLAT = 1e-10
 """Cosine between phi and the range of phi_q below which a minimum is taken for reached."""
 
 
-@dataclass(frozen=True)
-class LeastSquares:
-    """Where the method ended; singular at a minimum of |phi| which is no root.
+def least_squares(system: System, q0: Any, t: float) -> NewtonResult:
+    """Solve phi(q, t) = 0 from an estimate by this method; a root is polished by Newton's, unless that leaves it.
 
-    Attributes
+    Parameters
     ----------
-    q : (n,) array
-        The iterate with the smallest |phi|.
-    residual : float
-        Largest component of phi there.
+    system, q0, t
+        As for `analysis.position`.
     """
-
-    status: NewtonStatus
-    q: Any
-    residual: float
-
-    @property
-    def converged(self) -> bool:
-        """Whether phi is round-off at `q`."""
-        return self.status is NewtonStatus.CONVERGED
+    fit = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0)
+    if not fit.converged:
+        return fit
+    end = position(system, fit.q, t, max_iterations=60)
+    near = end.converged and np.max(np.abs(end.q - fit.q)) <= 1e-3 * max(1.0, np.max(np.abs(fit.q)))
+    return end if near else fit
 
 
-def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], q0: Any) -> LeastSquares:
-    """Minimise |phi(q)|^2 from q0; never raises for numbers that fail.
+def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], q0: Any) -> NewtonResult:
+    """Minimise |phi(q)|^2 from q0; never raises for numbers that fail. Of its history it returns the end alone.
+
+    The status is singular at a minimum which is no root; `q` has the smallest |phi|.
 
     Parameters
     ----------
@@ -64,36 +61,30 @@ def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], 
     with np.errstate(all="ignore"):  # what leaves the numbers' range is no success
         residual = np.asarray(phi(q), float) if np.isfinite(q).all() else np.full(1, np.nan)
         if not np.isfinite(residual).all():
-            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan)
+            return _ended(NewtonStatus.NOT_FINITE, q, residual)
         diagonal, mu, slope = np.zeros(q.size), 1e-3, None
         for _ in range(MOST_TRIED):
             if is_round_off(residual, q):
-                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual))
+                return _ended(NewtonStatus.CONVERGED, q, residual)
             if slope is None:
                 slope = np.asarray(phi_q(q), float)
                 if not np.isfinite(slope).all():
-                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual))
+                    return _ended(NewtonStatus.NOT_FINITE, q, residual)
                 diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
                 gradient = slope.T @ residual
             correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
             if correction is None:
-                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual))
+                return _ended(NewtonStatus.NOT_FINITE, q, residual)
             too_small = np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q)))
             if too_small or np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)):
-                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual))
+                return _ended(NewtonStatus.SINGULAR, q, residual)
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):
                 q, residual, slope, mu = q + correction, tried, None, mu * LOWER
             else:
                 mu *= RAISE
     status = NewtonStatus.CONVERGED if is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
-    return LeastSquares(status, q, _largest(residual))
-
-
-def polished(fit: LeastSquares, by_newton: NewtonResult) -> Any:
-    """Return where Newton's method ends from a root that was found, unless it leaves it: then the root as found."""
-    near = by_newton.converged and np.max(np.abs(by_newton.q - fit.q)) <= 1e-3 * max(1.0, np.max(np.abs(fit.q)))
-    return by_newton.q if near else fit.q
+    return _ended(status, q, residual)
 
 
 def _correction(slope: Any, residual: Any, weight: Any) -> Any:
@@ -105,5 +96,5 @@ def _correction(slope: Any, residual: Any, weight: Any) -> Any:
         return None
 
 
-def _largest(residual: Any) -> float:
-    return float(np.max(np.abs(residual)))
+def _ended(status: NewtonStatus, q: Any, residual: Any) -> NewtonResult:
+    return NewtonResult(status, q, q[None], residual[None], np.empty((0, q.size)))

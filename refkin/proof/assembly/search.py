@@ -26,7 +26,7 @@ from refkin.joints import GROUND, RollingOnLine, RollingWheels, elements_of, ini
 from refkin.motion import Array
 from refkin.newton import is_round_off
 from refkin.proof.assembly.closed_form import DeadEnd, PlacedBranch, Placement, place
-from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
+from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.loci import Ball, above, below
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
@@ -326,14 +326,9 @@ def refined(system: System, start: Array, t: float) -> Array | None:
         A guess of the pose at time t [s], in the system's coordinates.
     """
     result = position(system, start, t, max_iterations=30)
-    q: Array = result.q
-    if result.converged and closes(system, q, t):
-        return q
-    least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
-    if not least.converged:
-        return None
-    q = polished(least, position(system, least.q, t, max_iterations=30))
-    return q if closes(system, q, t) else None
+    if not (result.converged and closes(system, result.q, t)):
+        result = least_squares(system, start, t)
+    return result.q if result.converged and closes(system, result.q, t) else None
 
 
 def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:

@@ -1,25 +1,192 @@
-"""Assemblies of spatial mechanisms: those that many starts lead to.
+"""Spatial mechanisms: the proof, in balls, that one cannot be assembled; and the assemblies that many starts lead to.
 
-Nothing is proved to be all there is. Starts come from a fixed sequence: orientations spread evenly over all turns
-(Shoemake, Uniform random rotations, 1992, on Halton's sequence), origins within the mechanism's size.
+A body on a hinge or a slide whose motion a driver gives stands where that says. A point of a body on a free hinge is on
+a circle, on a free slide on a line, on a cylinder or a screw at one distance from its axis; a link, a distance or a
+body on two spherical joints, keeps it on a sphere around a point that stands. Where they certainly miss each other
+there is no pose: the gap is what is missing. So ends an RSSR whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short.
+Of any mechanism the points that coincide, and the distances that are given, make loops (`point_rows`), of which none
+may have a side longer than all the others together; nor may one that an axis closes, along which all may slide, be
+wider across it than the rest is long (`assembly`).
+
+Of the assemblies nothing is proved to be all there is. Starts come from a fixed sequence: orientations spread evenly
+over all turns (Shoemake, Uniform random rotations, 1992, on Halton's sequence), origins within the mechanism's size.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
+from flint import arb, ctx
 
-from refkin.joints import initial_contacts
+from refkin.joints import (
+    GROUND,
+    AxesParallel,
+    PointOnAxis,
+    PointsMeet,
+    ShiftAlongAxis,
+    SpatialPointDistance,
+    TurnAboutAxis,
+    Unit,
+    initial_contacts,
+    passive_spins,
+)
+from refkin.joints.spatial_frames import frame
+from refkin.joints.spatial_vectors import Vec3
+from refkin.proof.assembly.closed_form import DeadEnd
+from refkin.proof.assembly.loci import Ball, below
+from refkin.proof.assembly.rows import PointRow, RowKind
 from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined
+from refkin.proof.numbers.exact import exact
 from refkin.system import System
 
+PRECISION = 113
+HINGE: set[type] = {PointsMeet, AxesParallel}
+LOOSE: set[type] = {AxesParallel, PointOnAxis}
+SLIDE: set[type] = {AxesParallel, PointOnAxis, TurnAboutAxis}
 MOST_STARTS = 120
 MOST_POSES = 48
 ENOUGH = 40
 """How many starts in a row may lead nowhere new."""
+Place = Callable[[Any], Vec3]
+"""Where a point of a body, in its own frame, stands on the ground."""
+
+
+def certain_miss(system: System, t: float) -> DeadEnd | None:
+    """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
+    with ctx.workprec(PRECISION):
+        reader = _Reader(system, t)
+        for link, near, far, body, length in reader.links():
+            gap = reader.gap(near, far, body, length)
+            if gap is not None and gap > 0:
+                metres = below(gap) * system.unit.size
+                words = f"{link} does not reach {body}: at least {metres:.6g} m are missing"
+                return DeadEnd(gap, partial(str, words))
+    return None
+
+
+def point_rows(system: System, t: float) -> list[PointRow]:
+    """Return what joins point to point at time t: where they meet, and distances; slides driven along their axis.
+
+    Of a point on an axis the row is that of a line; its `normal` are the axis, and that of body j along it, or None.
+    """
+    size, rows = system.unit.size, list[PointRow]()
+    slides = {j.name for j in system.mechanism.joints if any(isinstance(e, PointOnAxis) for e in j.elements())}
+    for c in system.mechanism.constraints:
+        for e in exact(tuple(c.elements())):
+            driven = isinstance(e, ShiftAlongAxis) and getattr(c, "joint", "") in slides
+            if not (driven or isinstance(e, PointsMeet | SpatialPointDistance | PointOnAxis)):
+                continue
+            (i, p), (j, q) = ((body, Vec3(*(arb(x) / size for x in u))) for body, u in e.ends)
+            if isinstance(e, PointOnAxis):
+                axis_j = getattr(exact(c), "axis_j", None)
+                axes = tuple(axis and frame(axis, None)[2] for axis in (e.axis_i, axis_j))
+                rows.append(PointRow(RowKind.LINE, i, j, cast(Any, p), cast(Any, q), c.name, normal=cast(Any, axes)))
+                continue
+            meets = isinstance(e, PointsMeet)
+            apart = None if meets else abs(arb(e.laws[0](arb(float(t)), 0) if e.laws else e.length)) / size
+            kind = RowKind.PIN if meets else RowKind.DISTANCE
+            rows.append(PointRow(kind, i, j, cast(Any, p), cast(Any, q), c.name, distance=apart))
+    return rows
+
+
+class _Reader:
+    def __init__(self, system: System, t: float) -> None:
+        self.mechanism, self.t = system.mechanism, arb(float(t))
+        self.scale = Unit(system.unit.size)
+        self.joints = {c.name: (c, exact(c)) for c in self.mechanism.joints}
+        self.places: dict[str, Place] = {GROUND: self._vector}
+        for driver in self.mechanism.constraints[len(self.mechanism.joints) :]:
+            for element in driver.elements():
+                if isinstance(element, TurnAboutAxis | ShiftAlongAxis) and element.body_i == GROUND:
+                    self._place(exact(driver), self.joints[driver.joint], isinstance(element, TurnAboutAxis))  # type: ignore[attr-defined]
+
+    def _vector(self, u: Any) -> Vec3:
+        return Vec3(*(x / self.scale.size for x in u))
+
+    def _place(self, driver: Any, joint: Any, turning: bool) -> None:
+        """Note where a body stands that a driver holds on a hinge, or on a slide, of the ground."""
+        kinds, c = {type(e) for e in joint[0].elements()}, joint[1]
+        if kinds != (HINGE if turning else SLIDE) or c.body_i != GROUND or None in (c.zero_i, c.zero_j):
+            return
+        value = driver.laws[0](self.t, 0)
+        (f, g, h), own, start = frame(c.axis_i, c.zero_i), frame(c.axis_j, c.zero_j), self._vector(c.point_i)
+        if turning:
+            f, g = f * value.cos() + g * value.sin(), g * value.cos() - f * value.sin()
+        else:
+            start = start + h * (value / self.scale.size)
+
+        def place(u: Any) -> Vec3:
+            arm = self._vector(tuple(x - y for x, y in zip(u, c.point_j, strict=True)))
+            x, y, z = (arm.dot(v) for v in own)
+            there: Vec3 = start + f * x + g * y + h * z
+            return there
+
+        self.places[c.body_j] = place
+
+    def links(self) -> Iterator[tuple[str, Vec3, Any, str, Ball]]:
+        """Yield links from a point that stands: name, that point, the other end's point and body, the length."""
+        links = []
+        for c in self.mechanism.constraints:
+            for e in exact(tuple(c.elements())):
+                if isinstance(e, SpatialPointDistance):
+                    length = e.laws[0](self.t, 0) if e.laws else e.length
+                    links.append((c.name, e.ends, abs(length) / self.scale.size))  # a law may be negative
+        for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
+            joints = [c for c in self.mechanism.joints if len(spin.lines.keys() & {*c.bodies}) == 1]
+            held = [e for c in joints for e in exact(tuple(c.elements()))]
+            own = [end for e in held for end in e.ends if end[0] in spin.lines]
+            if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:
+                ends = tuple(next(end for end in e.ends if end[0] not in spin.lines) for e in held)
+                links.append((own[0][0], ends, _length(self._vector(own[0][1]) - self._vector(own[1][1]))))
+        for name, ends, length in links:
+            for (a, u), (b, v) in (ends, ends[::-1]):
+                if a in self.places:
+                    yield name, self.places[a](u), v, b, length
+
+    def gap(self, near: Vec3, u: Any, body: str, length: Ball) -> Ball | None:
+        """Return by how much a link misses all places that a point of a body may be at; None if that is not known."""
+        if body in self.places:
+            return abs(_length(self.places[body](u) - near) - length)
+        for plain, c in self.joints.values():
+            kinds = {type(e) for e in plain.elements()}
+            if GROUND not in plain.bodies or body not in plain.bodies or not (kinds == HINGE or kinds >= LOOSE):
+                continue
+            i, j = ("i", "j") if c.body_i == GROUND else ("j", "i")
+            axis, at = getattr(c, f"axis_{i}"), self._vector(getattr(c, f"point_{i}"))
+            _, _, h = frame(axis, None)
+            own = self._vector(tuple(x - y for x, y in zip(u, getattr(c, f"point_{j}"), strict=True)))
+            if kinds == HINGE:
+                _, _, turning = frame(getattr(c, f"axis_{j}"), None)
+                height = own.dot(turning)
+                radius, w = _length(own - turning * height), near - at - h * height
+                up = w.dot(h)
+                beside = _length(w - h * up)
+                nearest, furthest = (_root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
+                return max([nearest - length, length - furthest], key=below)
+            if kinds != SLIDE:
+                return abs(across(near - at, h) - across(own, frame(getattr(c, f"axis_{j}"), None)[2])) - length
+            rest = frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
+            f, g, _ = frame(axis, getattr(c, f"zero_{i}"))
+            w = near - at - f * own.dot(rest[0]) - g * own.dot(rest[1])
+            return _length(w - h * w.dot(h)) - length
+        return None
+
+
+def across(v: Vec3, h: Vec3) -> Ball:
+    """Return how far a vector leads from a line along h."""
+    return _length(v - h * v.dot(h))
+
+
+def _length(v: Vec3) -> Ball:
+    return _root(v.dot(v))
+
+
+def _root(square: Any) -> Ball:
+    return arb(square).max(arb(0)).sqrt()
 
 
 def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -> Iterator[Any]:

@@ -10,7 +10,7 @@ from refkin.joints import Cylindrical, DisplacementDriver, Screw, SpatialPrismat
 from refkin.model import Body, Mechanism
 from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.dyads import certain_miss, point_rows
+from refkin.proof.assembly.spatial import certain_miss, point_rows
 from refkin.system import compile_system
 from tests.passive import SPINNING, loop, sliding
 

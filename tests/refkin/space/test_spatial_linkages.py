@@ -22,8 +22,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly import spatial as by_starts
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.dyads import _Reader, certain_miss
-from refkin.proof.assembly.spatial import starts
+from refkin.proof.assembly.spatial import _Reader, certain_miss, starts
 from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
