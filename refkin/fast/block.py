@@ -11,12 +11,23 @@ from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.run import Workspace
-from refkin.fast.family import Family, of_samples, sample_of
-from refkin.fast.march import ENOUGH, FARTHEST, FURTHEST, LEAST, PART, SHORT, SMALL, SMALLEST_PIVOT, SMOOTH, March, Pose
-from refkin.fast.quintic import weights
+from refkin.fast.family import Family, common_extrema, may_turn, of_samples, sample_of
+from refkin.fast.march import (
+    ENOUGH,
+    FARTHEST,
+    FURTHEST,
+    LEAST,
+    PART,
+    SHORT,
+    SMALL,
+    SMALLEST_PIVOT,
+    SMOOTH,
+    March,
+    Pose,
+    weights,
+)  # fmt: skip
 from refkin.fast.residual import residual_of_rows
 from refkin.fast.sweep import NEAR
-from refkin.fast.turning import common_extrema, may_turn
 from refkin.joints import initial_contacts
 from refkin.model import Evidence
 from refkin.motion import Status

@@ -3,9 +3,8 @@
 ============= ========= =============================================================================================
 tracing       symbols   expressions, each once, folded
               trace     the joints' formulas run on symbols
-elimination   tree      coordinates that a row states outright
-              blocks    how an Assur group of the others is solved
-              eliminate all of it together: expressions of the solution
+elimination   blocks    how an Assur group is solved
+              eliminate coordinates that a row states outright, then the groups: expressions of the solution
 scheduling    schedule  from expressions to instructions and registers
               program   the result, and its text for a person
 running       run       on rows, by NumPy

@@ -10,13 +10,12 @@ import pytest
 from refkin import Body, Mechanism, Polynomial
 from refkin.fast import tape
 from refkin.fast.compiled import compiled
-from refkin.fast.elimination import blocks, eliminate, tree
+from refkin.fast.elimination import blocks, eliminate
 from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
-from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of
+from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of, spanning_tree
 from refkin.fast.elimination.run import Workspace
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.trace import known_of, trace
-from refkin.fast.elimination.tree import spanning_tree
 from refkin.joints import AngleDriver
 from refkin.proof.numbers.symbols import Graph
 from refkin.system import compile_system
@@ -265,4 +264,4 @@ def test_a_row_left_out_of_the_total_derivatives_is_seen(monkeypatch):
 
 
 def test_what_a_coordinate_depends_on_in_the_end_is_what_itself_depends_on_nothing():
-    assert tree._leaves([1, 5], {1: {2, 3}, 3: {4, 2}, 6: {7}}) == {2, 4, 5}
+    assert eliminate._leaves([1, 5], {1: {2, 3}, 3: {4, 2}, 6: {7}}) == {2, 4, 5}

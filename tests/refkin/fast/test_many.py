@@ -28,9 +28,9 @@ from refkin import (
     Table,
 )
 from refkin.errors import InvalidScene, UnknownName
-from refkin.fast import solve_many, sweep, turning
+from refkin.fast import solve_many, sweep
 from refkin.fast.block import SMALL, Block
-from refkin.fast.family import family
+from refkin.fast.family import _change, common_extrema, family, may_turn
 from refkin.motion_laws import Integral
 from refkin.newton import CONTRACTION
 from refkin.proof.numbers.symbols import Leaf
@@ -603,7 +603,7 @@ def test_where_there_is_no_proof_for_many_there_is_no_radius():
 def test_a_polynomial_of_rows_changes_by_no_more_than_its_taylor_terms():
     """By so much in the first sample, whose terms all have one sign; by less in the second."""
     law = Polynomial(coefficients=(np.array([0.2, 0.2]), np.array([1.0, -4.0]), np.array([0.5, 0.5]), 0.25))
-    change = turning._change(law, 1.0, 0.5)
+    change = _change(law, 1.0, 0.5)
     moved = np.max(np.abs([law(t) - law(1.0) for t in np.linspace(0.5, 1.5, 9)]), axis=0)
 
     assert change[0] == pytest.approx(moved[0], rel=1e-14, abs=0.0)
@@ -628,7 +628,7 @@ def test_no_law_of_rows_turns_back_or_passes_nothing_without_a_word(kind, square
     for a, b, most in ((0.5, 1.5, 1.0), (-0.25, 0.0, 1.0), (0.75, 0.76, 0.05)):
         followed = [np.array([law(t, k) for t in np.linspace(a, b, 401)]) for k in ((0, 1) if squared else (1,))]
         turns = np.any([(np.sign(x) != np.sign(x[0])).any(axis=0) for x in followed], axis=0)
-        suspected = turning.may_turn((driver,), a, b, 300)
+        suspected = may_turn((driver,), a, b, 300)
 
         assert not (turns & ~suspected).any()
         assert suspected.mean() <= min(most, 0.1 + 3 * turns.mean())
@@ -638,7 +638,7 @@ def test_no_law_of_rows_turns_back_or_passes_nothing_without_a_word(kind, square
 def test_a_law_whose_offset_alone_holds_rows_turns_back_when_all_do(more, times):
     law = Polynomial(coefficients=(np.array([0.5, 2.0]), *more))
 
-    assert turning.common_extrema((AngleDriver(name="d", body="b", law=law),), 0.0, 1.0) == times
+    assert common_extrema((AngleDriver(name="d", body="b", law=law),), 0.0, 1.0) == times
 
 
 def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
@@ -646,8 +646,8 @@ def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
     ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
     driver = DistanceDriver(name="d", **ends, law=Polynomial(coefficients=(np.array([0.5, 2.0, 5.0]), -1.0)))
 
-    assert turning.may_turn((driver,), 0.0, 1.0, 3).tolist() == [True, False, False]
-    assert turning.may_turn((driver,), 0.0, 3.0, 3).tolist() == [True, True, False]
+    assert may_turn((driver,), 0.0, 1.0, 3).tolist() == [True, False, False]
+    assert may_turn((driver,), 0.0, 3.0, 3).tolist() == [True, True, False]
 
 
 def test_a_sample_whose_corrections_do_not_shrink_enough_is_not_answered_at_once():

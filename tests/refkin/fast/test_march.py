@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin import FourBar
-from refkin.fast.march import FAR, Pose, _largest, factor, predicted
+from refkin.fast.march import FAR, Pose, _largest, at, coefficients, factor, predicted, slope, weights
 from refkin.fast.prepare import prepared
-from refkin.fast.quintic import at, coefficients, slope, weights
 
 from .scenes import ROCKER, bare
 
