@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
@@ -23,6 +20,7 @@ from crosscheck.measure.price import WITHIN, PriceList
 from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
+from crosscheck.report.wording import filled
 from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
@@ -209,16 +207,12 @@ def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:
 
 def page_of(result: Mapping[str, Any]) -> str:
     """Return the page of a price list (`to_json`); whatever comes from a scene is escaped."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    text = files("crosscheck.commands").joinpath("price_page.html.j2").read_text(encoding="utf-8")
-    template = environment.from_string(text)
-    css = files("crosscheck.report").joinpath("page/page.css").read_text(encoding="utf-8")
     rows = result["rows"]
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
-    return template.render(
+    return filled(
+        "price_page.html.j2",
         result=result,
         poses=POSES,
-        css=Markup(css),  # our own file: nothing of a scene is in it
         steps=[str(step) for step in STEPS],
         panels=[methods_figure(rows, quantity) for quantity in quantities],
         legend=[(swatch(look), " · ".join(name)) for name, look in looks_of_methods(rows).items()],

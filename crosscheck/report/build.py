@@ -12,12 +12,9 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck.judge.prices import STEPS
@@ -26,10 +23,10 @@ from crosscheck.night.plan import engines_option, replace_file
 from crosscheck.report import front, wording
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
-from crosscheck.report.front import first_pose, pose_picture, spoken, spoken_moving
+from crosscheck.report.front import first_pose, spoken, spoken_moving
 from crosscheck.report.prices import cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.summary import Summary
-from crosscheck.report.svg import bar, power_of_ten
+from crosscheck.report.svg import power_of_ten
 
 GROUPS = {
     "position": "Position",
@@ -92,48 +89,30 @@ def plain(value: Any) -> Any:
 
 def render(report: Mapping[str, Any]) -> str:
     """Return the page for a report; whatever comes from records is escaped."""
-    css, js = (files("crosscheck.report").joinpath("page", f"page.{kind}").read_text("utf-8") for kind in ("css", "js"))
-    return (
-        _environment()
-        .get_template("page.html.j2")
-        .render(
-            report=report,
-            css=Markup(css),  # our own files: nothing of a record is in them
-            js=Markup(js),
-            css_hash=digest(css),
-            js_hash=digest(js),
-            headline=wording.headline(report["verdict"], report["new_disagreements"]),
-            answer=front.answer(report),
-            first=front.first_table(report),
-            folds=front.folds(report),
-            hard=front.hard_matrix(report),
-            glance=glance(report),
-            coverage=coverage(report),
-            together=together(report["together"]),
-            replayed=replayed(report["run"]),
-            certified=any(report["reference"]["largest_certified_radius"].values()),
-            cheapest=cheapest_tables(report["price"] or []),
-            goals=STEPS,
-            matrices=agreement_matrices(report["agreement"]),
-            changed=any(series["changes"] for series in (report["trends"] or {"series": ()})["series"]),
-            **_figures(report),
-            **_posed(report),
-        )
+    js = wording.page_file("page.js")
+    return wording.filled(
+        "page.html.j2",
+        report=report,
+        js=js,
+        css_hash=digest(wording.page_file("page.css")),
+        js_hash=digest(js),
+        headline=wording.headline(report["verdict"], report["new_disagreements"]),
+        answer=front.answer(report),
+        first=front.first_table(report),
+        folds=front.folds(report),
+        hard=front.hard_matrix(report),
+        glance=glance(report),
+        coverage=coverage(report),
+        together=together(report["together"]),
+        replayed=replayed(report["run"]),
+        certified=any(report["reference"]["largest_certified_radius"].values()),
+        cheapest=cheapest_tables(report["price"] or []),
+        goals=STEPS,
+        matrices=agreement_matrices(report["agreement"]),
+        changed=any(series["changes"] for series in (report["trends"] or {"series": ()})["series"]),
+        **_figures(report),
+        **_posed(report),
     )
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("crosscheck.report", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    shown = ("digits", "count", "number", "ratio", "sample", "seeding", "whose", "words", "known")
-    environment.filters.update({name: getattr(wording, name) for name in shown})
-    return environment
 
 
 def _figures(report: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,15 +139,12 @@ def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
     ]
     kept = ("look", "told", "moving", "scene", "pose", "ghost", "arrows", "cycle")
     data = {**poses, "first": which, "marks": [{key: m[key] for key in kept} for m in marks]}
-    mark = None if which is None else marks[which]
-    scene = None if mark is None else poses["scenes"][mark["scene"]]
-    return {
-        "poses": data_block(data),
-        "looks": data_block([look.colour for look in looks.values()]),
-        "pose": None if which is None else pose_picture(report, which, looks),
-        "poses_told": mark["told"] if mark else "",
-        "pose_scene": f"{scene['name']} (record {scene['key']})" if scene else "",
-    }
+    colours = [look.colour for look in looks.values()]
+    pose = None
+    if which is not None:
+        mark = marks[which]
+        pose = {"mark": mark, "scene": poses["scenes"][mark["scene"]], "colour": colours[mark["look"]]}
+    return {"poses": data_block(data), "looks": data_block(colours), "pose": pose}
 
 
 def data_block(value: Any) -> Markup:
@@ -200,12 +176,11 @@ def glance(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 def coverage(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return a table of counts with bars per property of the scenes."""
     tables = []
-    order = [*(name for name in COVERAGE_NAMES if name in report["coverage"])]
-    order += [name for name in report["coverage"] if name not in COVERAGE_NAMES]
+    order = [name for name in dict.fromkeys((*COVERAGE_NAMES, *report["coverage"])) if name in report["coverage"]]
     for name in order:
         counts = report["coverage"][name]
         most = max(counts.values(), default=1)
-        rows = [(_value(name, value), n, bar(n / most)) for value, n in counts.items()]
+        rows = [(_value(name, value), n, n / most) for value, n in counts.items()]
         tables.append({"title": COVERAGE_NAMES.get(name, name.replace("_", " ")), "rows": rows})
     return tables
 

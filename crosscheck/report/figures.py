@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.report.svg import Mark, Plot, Style, band_swatch, power_of_ten, style, swatch
+from crosscheck.report.svg import BAND, Mark, Plot, Style, power_of_ten, style, swatch
 
 Report = Mapping[str, Any]
 LINES = {"digits_worst": "worst", "digits_median": "median"}
@@ -91,7 +91,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
 def _digits_legend(report: Report, looks: Mapping[Any, Style], blanks: Sequence[Any], line: str) -> tuple[Any, ...]:
     legend = [(swatch(look), " · ".join(name)) for name, look in looks.items()]
     if any(report["attainable"].values()):
-        legend.append((band_swatch(), "attainable (bound), 1 % to median"))
+        legend.append((BAND, "attainable (bound), 1 % to median"))
     if blanks and line == "digits_worst":
         legend.append((swatch(NO_ANSWER, line=False), "at the foot: no answer"))
     return tuple(legend)

@@ -189,16 +189,8 @@ def swatch(look: Style, line: bool = True) -> Markup:
     return Markup(ET.tostring(root, encoding="unicode"))
 
 
-def band_swatch() -> Markup:
-    """Return the sample of a shaded band for a legend."""
-    root = ET.Element("svg", {"viewBox": "0 0 34 12", "width": "34", "height": "12", "aria-hidden": "true"})
-    ET.SubElement(root, "rect", {"width": "34", "height": "12", "fill": "currentColor", "fill-opacity": "0.14"})
-    return Markup(ET.tostring(root, encoding="unicode"))
-
-
-def bar(share: float) -> Markup:
-    """Return a bar of a share between 0 and 1 for a cell of a table."""
-    root = ET.Element("svg", {"viewBox": "0 0 120 10", "width": "120", "height": "10", "aria-hidden": "true"})
-    at = {"x": "0", "y": "1", "height": "8", "width": f"{max(1.0, 120 * share):.1f}"}
-    ET.SubElement(root, "rect", {**at, "fill": "#0072B2", "rx": "1"})
-    return Markup(ET.tostring(root, encoding="unicode"))
+BAND = Markup(
+    '<svg viewBox="0 0 34 12" width="34" height="12" aria-hidden="true">'
+    '<rect width="34" height="12" fill="currentColor" fill-opacity="0.14" /></svg>'
+)
+"""The sample of a shaded band for a legend."""

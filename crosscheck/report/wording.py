@@ -1,4 +1,4 @@
-"""Numbers as a page shows them. What has no answer says so; it is never a blank or a zero."""
+"""Numbers as a page shows them, and pages filled with them. What has no answer says so: no blank, no zero."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import math
 import re
 import sys
 from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck.report.svg import SUPERSCRIPTS
@@ -94,3 +97,27 @@ def headline(verdict: str, new: int) -> str:
     if verdict == "new disagreements":
         return f"{count(new)} new disagreement{'s' * (new != 1)}"
     return {"infrastructure": "Infrastructure failure"}.get(verdict, verdict.capitalize())
+
+
+def filled(template: str, **values: Any) -> str:
+    """Return a page; whatever is put into it is escaped, but for our own files."""
+    return _environment().get_template(template).render(css=page_file("page.css"), **values)
+
+
+def page_file(name: str) -> Markup:
+    """Return the text of a file of ours that stands in pages as it is: nothing of a record is in it."""
+    return Markup(files("crosscheck.report").joinpath("page", name).read_text("utf-8"))
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("crosscheck.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    shown = (digits, count, number, ratio, sample, seeding, whose, words, known)
+    environment.filters.update({show.__name__: show for show in shown})
+    return environment
