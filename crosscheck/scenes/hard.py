@@ -8,160 +8,148 @@ otherwise be blamed for the adapter's linear systems.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, SPATIAL, STEPS, UP, HardCase, dyads, pin, timed, ways_to
+from crosscheck.scenes.hard_case import (
+    DISTANCES,
+    DOWN,
+    GAPS,
+    SPATIAL,
+    STEPS,
+    UP,
+    HardCase,
+    Kind,
+    dyads,
+    pin,
+    timed,
+    ways_to,
+)
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, Pose, SliderCrank, rough
 from refkin.scenes.linkages.base import Linkage
 
-OFFSETS = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Size of the linkage over its distance from the origin."""
-TREES = ((6, 4), (20, 1), (32, 1))
+TREES = {6.0: 4, 20.0: 1, 32.0: 1}
 """Dyads of a branching tree and the seed it is drawn with: from 30 dyads on it has more than 60 freedoms."""
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+TOGGLE = FourBar(ground=4.0, crank=2.0, coupler=2.5, rocker=2.0)
+FLAT = FourBar(ground=4.0, crank=1.0, coupler=2.0, rocker=1.0)
+"""At crank angle 0 all its links lie in one line."""
+REGULAR = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 NEAR = 1e-2
 """Margin for which estimates are rounded [m]: they are good to two or three digits."""
 
 
 def hard_cases() -> tuple[HardCase, ...]:
     """Return all hard scenes, kind by kind, the nearest last."""
-    return tuple(case for kind in KINDS.values() for case in kind())
+    return tuple(made(kind, d) for kind, (distances, made) in KINDS.items() for d in distances)
 
 
-def toggle() -> Iterator[HardCase]:
-    """Yield a four-bar whose crank goes to its limit position: coupler and rocker come into one line."""
-    linkage = FourBar(ground=4.0, crank=2.0, coupler=2.5, rocker=2.0)
-    (_, end), *_ = linkage.input_range()
-    for d in DISTANCES:
-        yield _approach("toggle", d, linkage, end, -1.0)
+def _parallelogram(case: str, d: float) -> HardCase:
+    made = _approach(case, d, PARALLELOGRAM, 0.0, 1.0)
+    return replace(made, poses=lambda t: _parallel(-t), exact=True)
 
 
-def dead_centre() -> Iterator[HardCase]:
-    """Yield a slider-crank whose slider is driven to the end of its stroke: crank and rod come into one line."""
-    linkage = SliderCrank(crank=1.0, rod=3.0)
-    for d in DISTANCES:
-        yield _approach("dead centre", d, linkage, 4.0, -1.0, driven="slider")
-
-
-def near_change_point() -> Iterator[HardCase]:
-    """Yield a four-bar that passes the pose where it would be flat if its slack were 0."""
-    for d in DISTANCES[:4]:
-        linkage = FourBar(ground=4.0, crank=1.0, coupler=4.0 - d, rocker=1.0)
-        yield _steps("near change point", d, linkage, [-1.0 + 0.25 * k for k in range(9)])
-
-
-def parallelogram() -> Iterator[HardCase]:
-    """Yield a parallelogram that comes to the pose where it is flat, where it may go on in two ways."""
-    for d in DISTANCES:
-        made = _approach("parallelogram", d, PARALLELOGRAM, 0.0, 1.0)
-        yield replace(made, poses=lambda t: _parallel(-t), exact=True)
-
-
-def parallelogram_passed() -> Iterator[HardCase]:
-    """Yield a parallelogram that passes its flat pose, between two times: it stays one, as every smooth motion does."""
-    for d in DISTANCES[:4]:
-        times = [-0.5, -0.3, -0.1, -d, d, 0.1, 0.3, 0.5]
-        scene = _scene(PARALLELOGRAM, UP, times, _parallel(times[0]), "crank", "parallelogram, passed")
-        yield HardCase("parallelogram, passed", d, scene, _parallel, exact=True)
-
-
-def kite() -> Iterator[HardCase]:
-    """Yield a kite that folds up: coupler and rocker come to lie on each other and on one pivot."""
-    linkage = FourBar(ground=3.0, crank=3.0, coupler=1.0, rocker=1.0)
-    for d in DISTANCES:
-        yield _approach("kite", d, linkage, 0.0, 1.0)
-
-
-def isosceles() -> Iterator[HardCase]:
-    """Yield a slider-crank with rod and crank of one length, whose wrist pin comes to the crank's pivot."""
-    linkage = SliderCrank(crank=1.0, rod=1.0)
-    for d in DISTANCES:
-        yield _approach("isosceles slider-crank", d, linkage, math.pi / 2, -1.0)
-
-
-def slot() -> Iterator[HardCase]:
-    """Yield a crank whose pin passes the pivot of the slotted lever at a small distance."""
-    for d in DISTANCES:
-        linkage = InvertedSliderCrank(ground=2.0, crank=2.0 - d)
-        yield _approach("crank pin near the slot's pivot", d, linkage, 0.0, 1.0)
-
-
-def unassemblable() -> Iterator[HardCase]:
-    """Yield a four-bar whose coupler and rocker are too short by a gap, at the one time that is asked for."""
-    for gap in GAPS:
-        linkage = FourBar(ground=4.0, crank=1.0, coupler=2.0 - gap, rocker=1.0)
-        closed = FourBar(ground=4.0, crank=1.0, coupler=2.0, rocker=1.0)
-        scene = _scene(linkage, UP, [0.0], closed.assemble(0.0), "crank", "unassemblable")
-        yield HardCase("unassemblable by a gap", gap, scene, lambda _: None)
-
-
-def singular() -> Iterator[HardCase]:
-    """Yield a four-bar exactly at its limit position, from an estimate beside it."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=2.0, rocker=1.0)
-    flat = linkage.assemble(0.0)
-    scene = _scene(linkage, UP, [0.0], _moved(flat, 0.05), "crank", "singular")
-    yield HardCase("singular", 0.0, scene, lambda _: flat)
-
-
-def redundant() -> Iterator[HardCase]:
-    """Yield two parallel loops, one rocker more than needed, that come to the pose where they are flat."""
-    for d in (0.25, *DISTANCES):
-        times = [-1.0 + (1.0 - d) * k / 4 for k in range(4)] + [-d]
-        scene = _law_scene(_parallel_joints(), DOWN, times, _parallel_loops(-times[0]), "redundant loops")
-        yield HardCase("redundant loops", d, scene, lambda t: _parallel_loops(-t), exact=True)
-
-
-def branching() -> Iterator[HardCase]:
-    """Yield a coupler tree of many loops: four-bars that all hang on one crank, more freedoms than a dense solver."""
-    for loops in (2, 8, 32):
-        times = [0.3 + 0.2 * k for k in range(6)]
-        joints, poses = _fan(loops, times)
-        scene = _law_scene(joints, UP, times, poses[times[0]], "branching loops")
-        yield HardCase("branching loops", float(loops), scene, poses.__getitem__, exact=True)
-
-
-def branching_tree() -> Iterator[HardCase]:
-    """Yield a crank with dyads hung on any bodies before them, so that loops run through all of a branching tree."""
-    for count, seed in TREES:
-        times = [0.3 + 0.02 * k for k in range(3)]
-        joints, poses = dyads(count, seed, times)
-        scene = _law_scene(joints, UP, times, poses[times[0]], "branching tree")
-        yield HardCase("branching tree", float(count), scene, poses.__getitem__, exact=True)
-
-
-def large_offset() -> Iterator[HardCase]:
-    """Yield a crank-rocker far from the origin."""
-    for ratio in OFFSETS:
-        linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(4.0 / ratio, -4.0 / ratio))
-        yield _steps("large offset", ratio, linkage, [0.5 + 0.1 * k for k in range(6)])
-
-
-def far_start() -> Iterator[HardCase]:
-    """Yield a crank-rocker at one time, from estimates whose angles are far off."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    for away in (0.5, 1.5, 3.0):
-        scene = _scene(linkage, UP, [0.7], _moved(linkage.assemble(0.7), away), "crank", "far start")
-        yield HardCase("far start", away, scene, lambda _: None, any_assembly=True)
-
-
-def coarse_steps() -> Iterator[HardCase]:
-    """Yield a crank-rocker that comes to 0.02 of another assembly, in steps of up to a third of a turn."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.99, rocker=1.02)
-    for step in STEPS:
-        yield _steps("coarse steps", step, linkage, [-2.5 + step * k for k in range(round(5.0 / step) + 1)])
-
-
-KINDS: Mapping[str, Callable[[], Iterator[HardCase]]] = {
-    kind.__name__: kind
-    for kind in (
-        toggle, dead_centre, near_change_point, parallelogram, parallelogram_passed, kite, isosceles, slot,
-        unassemblable, singular, redundant, branching, branching_tree, large_offset, far_start, coarse_steps, *SPATIAL,
+def _parallelogram_passed(case: str, d: float) -> HardCase:
+    times = [-0.5, -0.3, -0.1, -d, d, 0.1, 0.3, 0.5]
+    return HardCase(
+        case, d, _scene(PARALLELOGRAM, UP, times, _parallel(times[0]), "crank", case), _parallel, exact=True
     )
-}  # fmt: skip
+
+
+def _unassemblable(case: str, gap: float) -> HardCase:
+    scene = _scene(replace(FLAT, coupler=2.0 - gap), UP, [0.0], FLAT.assemble(0.0), "crank", "unassemblable")
+    return HardCase(case, gap, scene, lambda _: None)
+
+
+def _singular(case: str, d: float) -> HardCase:
+    flat = FLAT.assemble(0.0)
+    return HardCase(case, d, _scene(FLAT, UP, [0.0], _moved(flat, 0.05), "crank", case), lambda _: flat)
+
+
+def _redundant(case: str, d: float) -> HardCase:
+    times = [-1.0 + (1.0 - d) * k / 4 for k in range(4)] + [-d]
+    scene = _law_scene(_parallel_joints(), DOWN, times, _parallel_loops(-times[0]), case)
+    return HardCase(case, d, scene, lambda t: _parallel_loops(-t), exact=True)
+
+
+def _branching(case: str, loops: float, made: tuple[Sequence[Revolute], dict[float, Pose]]) -> HardCase:
+    joints, poses = made
+    scene = _law_scene(joints, UP, list(poses), next(iter(poses.values())), case)
+    return HardCase(case, loops, scene, poses.__getitem__, exact=True)
+
+
+def _far_start(case: str, away: float) -> HardCase:
+    scene = _scene(REGULAR, UP, [0.7], _moved(REGULAR.assemble(0.7), away), "crank", case)
+    return HardCase(case, away, scene, lambda _: None, any_assembly=True)
+
+
+KINDS: Mapping[str, Kind] = {
+    # A four-bar whose crank goes to its limit position: coupler and rocker come into one line.
+    "toggle": (DISTANCES, lambda case, d: _approach(case, d, TOGGLE, TOGGLE.input_range()[0][1], -1.0)),
+    # A slider-crank whose slider is driven to the end of its stroke: crank and rod come into one line.
+    "dead centre": (
+        DISTANCES,
+        lambda case, d: _approach(case, d, SliderCrank(crank=1.0, rod=3.0), 4.0, -1.0, driven="slider"),
+    ),
+    # A four-bar that passes the pose where it would be flat if its slack were 0.
+    "near change point": (
+        DISTANCES[:4],
+        lambda case, d: _steps(case, d, replace(FLAT, coupler=4.0 - d), [-1.0 + 0.25 * k for k in range(9)]),
+    ),
+    # A parallelogram that comes to the pose where it is flat, where it may go on in two ways.
+    "parallelogram": (DISTANCES, _parallelogram),
+    # One that passes its flat pose, between two times: it stays one, as every smooth motion does.
+    "parallelogram, passed": (DISTANCES[:4], _parallelogram_passed),
+    # A kite that folds up: coupler and rocker come to lie on each other and on one pivot.
+    "kite": (DISTANCES, lambda case, d: _approach(case, d, FourBar(3.0, 3.0, 1.0, 1.0), 0.0, 1.0)),
+    # A slider-crank with rod and crank of one length, whose wrist pin comes to the crank's pivot.
+    "isosceles slider-crank": (
+        DISTANCES,
+        lambda case, d: _approach(case, d, SliderCrank(crank=1.0, rod=1.0), math.pi / 2, -1.0),
+    ),
+    # A crank whose pin passes the pivot of the slotted lever at a small distance.
+    "crank pin near the slot's pivot": (
+        DISTANCES,
+        lambda case, d: _approach(case, d, InvertedSliderCrank(ground=2.0, crank=2.0 - d), 0.0, 1.0),
+    ),
+    # A four-bar whose coupler and rocker are too short by a gap, at the one time that is asked for.
+    "unassemblable by a gap": (GAPS, _unassemblable),
+    # A four-bar exactly at its limit position, from an estimate beside it.
+    "singular": ((0.0,), _singular),
+    # Two parallel loops, one rocker more than needed, that come to the pose where they are flat.
+    "redundant loops": ((0.25, *DISTANCES), _redundant),
+    # A coupler tree of many loops: four-bars that all hang on one crank, more freedoms than a dense solver.
+    "branching loops": (
+        (2.0, 8.0, 32.0),
+        lambda case, n: _branching(case, n, _fan(int(n), [0.3 + 0.2 * k for k in range(6)])),
+    ),
+    # A crank with dyads hung on any bodies before them, so that loops run through all of a branching tree.
+    "branching tree": (
+        tuple(TREES),
+        lambda case, n: _branching(case, n, dyads(int(n), TREES[n], [0.3 + 0.02 * k for k in range(3)])),
+    ),
+    # A crank-rocker far from the origin.
+    "large offset": (
+        (1e-2, 1e-4, 1e-6, 1e-8),  # the size of the linkage over its distance from the origin
+        lambda case, part: _steps(
+            case, part, replace(REGULAR, origin=(4.0 / part, -4.0 / part)), [0.5 + 0.1 * k for k in range(6)]
+        ),
+    ),
+    # A crank-rocker at one time, from estimates whose angles are far off.
+    "far start": ((0.5, 1.5, 3.0), _far_start),
+    # A crank-rocker that comes to 0.02 of another assembly, in steps of up to a third of a turn.
+    "coarse steps": (
+        STEPS,
+        lambda case, step: _steps(
+            case, step, FourBar(4.0, 1.0, 3.99, 1.02), [-2.5 + step * k for k in range(round(5.0 / step) + 1)]
+        ),
+    ),
+    **SPATIAL,
+}
+"""How near each kind of hard scene comes to what makes it hard, and what makes the scene."""
 
 
 def _approach(case: str, d: float, linkage: Linkage, end: float, side: float, driven: str = "crank") -> HardCase:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cmath
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from refkin.joints import GROUND, Pair, Revolute
@@ -137,6 +137,8 @@ def _arm(base: complex, first: float, second: float) -> complex:
 REACH = 6.5
 """Of the rocker's tip from the crank's at the input 0, at most: across 5/2, along 5 + 1."""
 LIMITED: dict[str, Any] = {"crank": 1.0, "rocker": 1.0, "pivot": (-1.5, 3.0, 4.0), "axis": (1.0, 0.0, 0.0)}
+AT_LIMIT = RSSR(**LIMITED, coupler=REACH, massless=True)
+TURNING_OVER = RSSR(crank=1.0, coupler=1.0, rocker=1.25, pivot=(0.25, 0.0, 0.125), axis=(0.0, 0.125, 1.0))
 LIMITS = (1e-3, 1e-6, 1e-9, 1e-12)
 GIMBALS = (1e-2, 1e-4, 1e-6)
 """What is left of a right angle between two shafts [rad]: the ratio of their speeds goes up to one over it."""
@@ -148,69 +150,54 @@ ESTIMATED = 3
 """Decimals of estimates."""
 
 
-def rssr_limit() -> Iterator[HardCase]:
-    """Yield an RSSR whose crank goes to the input beyond which its coupler is too short."""
-    linkage = RSSR(**LIMITED, coupler=REACH, massless=True)
-    for d in LIMITS:
-        yield _case("limit of an RSSR", d, linkage, [-way for way in ways_to(d)])
+def _too_long(case: str, gap: float) -> HardCase:
+    linkage = RSSR(**LIMITED, coupler=REACH + gap, massless=True)
+    return HardCase(case, gap, _scene(case, linkage, [0.0], AT_LIMIT.assemble(0.0)), lambda _: None)
 
 
-def rssr_limit_of_a_body() -> Iterator[HardCase]:
-    """Yield the same with a coupler that is a body, and spins as it likes."""
-    linkage = RSSR(**LIMITED, coupler=REACH)
-    for d in LIMITS[:2]:
-        yield _case("limit of an RSSR with its coupler", d, linkage, [-way for way in ways_to(d)])
-
-
-def rssr_too_long() -> Iterator[HardCase]:
-    """Yield an RSSR whose coupler is longer than crank and rocker can be apart, by a gap."""
-    closed = RSSR(**LIMITED, coupler=REACH, massless=True)
-    for gap in GAPS:
-        linkage = RSSR(**LIMITED, coupler=REACH + gap, massless=True)
-        scene = _scene("unassemblable in space by a gap", linkage, [0.0], closed.assemble(0.0))
-        yield HardCase("unassemblable in space by a gap", gap, scene, lambda _: None)
-
-
-def gimbal() -> Iterator[HardCase]:
-    """Yield a Hooke joint of almost a right angle, which comes to the pose where the output turns fastest."""
-    for b in GIMBALS:
-        inputs = [math.pi / 2 - way for way in (*ways_to(b), 0.0)]
-        yield _case("gimbal pose of a Hooke joint", b, Hooke(beta=math.pi / 2 - b), inputs)
-
-
-def bennett_nearly_alike() -> Iterator[HardCase]:
-    """Yield a Bennett linkage with twists nearly alike, which passes the pose where all links lie in a line."""
-    for d in TWISTS:
-        steps = [math.pi - way for way in (*ways_to(d), 0.0)]
-        yield _case("Bennett with twists nearly alike", d, Bennett(length=1.0, alpha=0.75, beta=0.75 + d), steps)
-
-
-def turns_over() -> Iterator[HardCase]:
-    """Yield a drag link whose coupler turns over once a turn, in steps of up to a third of a turn."""
-    linkage = RSSR(crank=1.0, coupler=1.0, rocker=1.25, pivot=(0.25, 0.0, 0.125), axis=(0.0, 0.125, 1.0))
-    for step in STEPS[1:]:
-        inputs = [step * k for k in range(round(2.0 * math.pi / step) + 1)]
-        yield _case("coupler that turns over", step, linkage, inputs)
-
-
-def flipped() -> Iterator[HardCase]:
-    """Yield an RSSR at one time, from an estimate whose rocker is turned over: its axis points the other way."""
+def _flipped(case: str, angle: float) -> HardCase:
     linkage = RSSR(**LIMITED, coupler=REACH - 0.5, massless=True)
-
-    def every(t: float) -> Sequence[Any]:
-        return [linkage.assemble(t, branch) for branch in Branch]
-
-    for angle in FLIPS:
-        near = linkage.assemble(0.0)
-        *place, e0, e1, e2, e3 = near["rocker"]
-        c, s = math.cos(angle / 2), math.sin(angle / 2)  # a turn about the rocker's own x axis, after its own
-        over = (*place, e0 * c - e1 * s, e1 * c + e0 * s, e2 * c + e3 * s, e3 * c - e2 * s)
-        case = "estimate with a joint the wrong way round"
-        scene = _scene(case, linkage, [0.0], {**near, "rocker": over})
-        yield HardCase(case, angle, scene, lambda _: None, any_assembly=True, every=every)
+    near = linkage.assemble(0.0)
+    *place, e0, e1, e2, e3 = near["rocker"]
+    c, s = math.cos(angle / 2), math.sin(angle / 2)  # a turn about the rocker's own x axis, after its own
+    over = (*place, e0 * c - e1 * s, e1 * c + e0 * s, e2 * c + e3 * s, e3 * c - e2 * s)
+    scene = _scene(case, linkage, [0.0], {**near, "rocker": over})
+    every = lambda t: [linkage.assemble(t, branch) for branch in Branch]  # noqa: E731
+    return HardCase(case, angle, scene, lambda _: None, any_assembly=True, every=every)
 
 
-SPATIAL = (rssr_limit, rssr_limit_of_a_body, rssr_too_long, gimbal, bennett_nearly_alike, turns_over, flipped)
+Kind = tuple[Sequence[float], Callable[[str, float], HardCase]]
+"""How near the scenes of a kind come, and what makes one from the name of its kind and that number."""
+SPATIAL: Mapping[str, Kind] = {
+    # An RSSR whose crank goes to the input beyond which its coupler is too short.
+    "limit of an RSSR": (LIMITS, lambda case, d: _case(case, d, AT_LIMIT, [-way for way in ways_to(d)])),
+    # The same with a coupler that is a body, and spins as it likes.
+    "limit of an RSSR with its coupler": (
+        LIMITS[:2],
+        lambda case, d: _case(case, d, replace(AT_LIMIT, massless=False), [-way for way in ways_to(d)]),
+    ),
+    # An RSSR whose coupler is longer than crank and rocker can be apart, by a gap.
+    "unassemblable in space by a gap": (GAPS, _too_long),
+    # A Hooke joint of almost a right angle, which comes to the pose where the output turns fastest.
+    "gimbal pose of a Hooke joint": (
+        GIMBALS,
+        lambda case, b: _case(case, b, Hooke(beta=math.pi / 2 - b), [math.pi / 2 - way for way in (*ways_to(b), 0.0)]),
+    ),
+    # A Bennett linkage with twists nearly alike, which passes the pose where all links lie in a line.
+    "Bennett with twists nearly alike": (
+        TWISTS,
+        lambda case, d: _case(
+            case, d, Bennett(length=1.0, alpha=0.75, beta=0.75 + d), [math.pi - way for way in (*ways_to(d), 0.0)]
+        ),
+    ),
+    # A drag link whose coupler turns over once a turn, in steps of up to a third of a turn.
+    "coupler that turns over": (
+        STEPS[1:],
+        lambda case, step: _case(case, step, TURNING_OVER, [step * k for k in range(round(2.0 * math.pi / step) + 1)]),
+    ),
+    # An RSSR at one time, from an estimate whose rocker is turned over: its axis points the other way.
+    "estimate with a joint the wrong way round": (FLIPS, _flipped),
+}
 
 
 def _case(case: str, d: float, linkage: SpatialLinkage, inputs: Sequence[float]) -> HardCase:
