@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from crosscheck.documents import loops
-from crosscheck.documents.loops import point_parts
 from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
@@ -72,30 +71,6 @@ def test_motions_are_those_of_the_loops():
                 result = result - math.tau * turns
             # Condition numbers here are below 10, rates below 10.
             assert_near(result, expected, 4096 * U, f"{scene.name} {level or 'position'}")
-
-
-def test_points_move_as_their_derivatives():
-    """Velocity and acceleration of a moving point are the derivatives of its place, and their parts what they say."""
-    u = [Polynomial(coefficients=(0.3, 0.5, -0.4)), Polynomial(coefficients=(-0.2, 0.7, 0.9))]
-    q = [Polynomial(coefficients=c) for c in ((1.0, -0.6, 0.8), (0.5, 0.9, -0.3), (0.2, 1.4, -1.1))]
-    t = 0.7
-
-    def parts(at: Any) -> Any:
-        u_, ud, udd = ([law(at, k) for law in u] for k in range(3))
-        q_, qd, qdd = ([law(at, k) for law in q] for k in range(3))
-        return point_parts(u_, q_, qd, qdd, ud, udd)
-
-    motion = parts(t)
-    moved = parts(t + STEP * 1j)
-    assert_near(motion.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    assert_near(motion.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
-    arm = motion.r - np.array([q[0](t), q[1](t)])
-    quarter, omega, alpha = np.array([[0.0, -1.0], [1.0, 0.0]]), q[2](t, 1), q[2](t, 2)
-    assert_near(motion.v_turning, omega * quarter @ arm, 64 * U, "v_turning")
-    assert_near(motion.a_normal, -(omega**2) * arm, 64 * U, "a_normal")
-    assert_near(motion.a_tangential, alpha * quarter @ arm, 64 * U, "a_tangential")
-    assert_near(motion.a_coriolis, 2 * omega * quarter @ motion.v_relative, 64 * U, "a_coriolis")
-    assert_near(motion.v, motion.v_origin + motion.v_turning + motion.v_relative, 64 * U, "v is the sum of its parts")
 
 
 def test_fixed_points_move_as_their_derivatives():

@@ -10,15 +10,15 @@ import numpy as np
 from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.loops import point_parts, rod_and_block
 from crosscheck.documents.systems import shabana
 from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism
+from refkin.motion import point_motion
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import ANYWHERE, FourBar, SliderCrank
-from refkin.system import compile_system
+from refkin.scenes.linkages import ANYWHERE, FourBar, InvertedSliderCrank, SliderCrank
+from refkin.system import System, compile_system
 
 
 def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
@@ -29,6 +29,15 @@ def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
 def radians(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
     """Return some of the row's angles, which stand there in degrees."""
     return [n(given[key]) * n.pi / 180 for key in keys]
+
+
+def driven_at_0(linkage: Any, *coefficients: float) -> tuple[System, Any, Any, Any]:
+    """Return the equations of a linkage whose crank follows c0 + c1 t + ..., and q, qd, qdd at t = 0."""
+    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=coefficients)))
+    system, pose = compile_system(mechanism), linkage.assemble(coefficients[0])
+    q = np.concatenate([pose[body.name] for body in mechanism.bodies])
+    qd = velocity(system, q, 0.0)
+    return system, q, qd, acceleration(system, q, qd, 0.0)
 
 
 def d3(n: Arithmetic, given: Given) -> Values:
@@ -105,11 +114,7 @@ def refkin_d5(given: Given) -> Values:
     n = Binary64()
     linkage = SliderCrank(*numbers(n, given, "l2", "l3", "h"))
     at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
-    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(at, rate, second / 2))))
-    system, pose = compile_system(mechanism), linkage.assemble(at)
-    q = np.concatenate([pose[body.name] for body in mechanism.bodies])
-    qd = velocity(system, q, 0.0)
-    qdd = acceleration(system, q, qd, 0.0)
+    system, _, qd, qdd = driven_at_0(linkage, at, rate, second / 2)
     wanted = [system.columns("connecting_rod").start + 2, system.columns("slider").start]
     return {"theta3', x'": qd[wanted], "theta3'', x''": qdd[wanted]}
 
@@ -172,21 +177,22 @@ def loops_d7(given: Given) -> Values:
 
 
 def refkin_d7(given: Given) -> Values:
-    """The rod from the motion of the pin that it guides, and the parts of the block's acceleration in it."""
+    """The rod as a body that the crank's pin guides, and how the pin, where the block is, moves along it."""
     n = Binary64()
-    l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
-    (theta2,) = radians(n, given, "theta2")
-    theta3, x = loops_d7(given)["theta3, x"]
-    pin = rate * l2 * turned(theta2, 1), l2 * (second * turned(theta2, 1) - rate * rate * turned(theta2, 0))
-    rod = rod_and_block(theta3, x, *pin)
-    w3, v, alpha3, a = rod.omega, rod.slide_rate, rod.alpha, rod.slide_acceleration
-    parts = point_parts((x, 0.0), [l1, 0.0, theta3], [0.0, 0.0, w3], [0.0, 0.0, alpha3], (v, 0.0), (a, 0.0))
-    normal = np.array([-math.sin(theta3), math.cos(theta3)])
+    linkage = InvertedSliderCrank(*numbers(n, given, "l1", "l2"))
+    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
+    system, *levels = driven_at_0(linkage, at, rate, second / 2)
+    crank, rod = (system.columns(body) for body in ("crank", "lever"))
+    block = point_motion((linkage.crank / 2, 0.0), *(level[crank] for level in levels))
+    theta3, w3, alpha3 = (level[rod][2] for level in levels)
+    along = turned(theta3, 0)
+    x, v = (block.r - levels[0][rod][:2]) @ along, block.v @ along
     return {
+        "theta3, x": [theta3, x],
         "theta3', x'": [w3, v],
-        "theta3'', x''": [alpha3, a],
-        "Coriolis acceleration": normal @ parts.a_coriolis,
-        "acceleration of the block": parts.a,
+        "theta3'', x''": [alpha3, block.a @ along + w3 * w3 * x],
+        "Coriolis acceleration": 2 * w3 * v,
+        "acceleration of the block": block.a,
     }
 
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
+from crosscheck.documents.ledger.shabana import driven_at_0
 from crosscheck.documents.systems import SquareSystem, shabana
-from refkin.analysis import acceleration, velocity
-from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
-from refkin.system import compile_system
 
 
 def four_bar(n: Arithmetic, given: Given, driven: Any = None) -> SquareSystem:
@@ -120,11 +118,7 @@ def refkin_d12(given: Given) -> Values:
     n = Binary64()
     linkage = FourBar(*(float(x) for x in given["l"]))
     at, omega = math.radians(float(given["theta2"])), float(given["omega"])
-    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(at, omega))))
-    system, pose = compile_system(mechanism), linkage.assemble(at)
-    q = np.concatenate([pose[body.name] for body in mechanism.bodies])
-    qd = velocity(system, q, 0.0)
-    qdd = acceleration(system, q, qd, 0.0)
+    _, q, qd, qdd = driven_at_0(linkage, at, omega)
     angles = [2, 5, 8]
     return {"theta3, theta4": [q[5], q[8] % math.tau + n.pi], "omega": qd[angles], "alpha": qdd[angles]}
 
