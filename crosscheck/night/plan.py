@@ -21,9 +21,6 @@ try:
 except ImportError:  # Windows, where the lock is not taken
     fcntl = None  # type: ignore[assignment]
 
-BLOCK = 1 << 16
-"""Bytes read at once while the end of the last whole line is looked for."""
-
 
 class Occupied(UsageError):
     """Another run is writing to the same file."""
@@ -111,17 +108,8 @@ class Journal:
 
     def _cut_torn_line(self) -> None:
         with self.path.open("rb") as file:
-            end = file.seek(0, os.SEEK_END)
-            whole = end
-            while whole:
-                start = max(0, whole - BLOCK)
-                file.seek(start)
-                newline = file.read(whole - start).rfind(b"\n")
-                if newline >= 0:
-                    whole = start + newline + 1
-                    break
-                whole = start
-        if whole != end:
+            whole = sum(len(line) for line in file if line.endswith(b"\n"))
+        if whole != self.path.stat().st_size:
             self._file.truncate(whole)
 
 

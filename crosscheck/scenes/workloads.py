@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -232,37 +232,37 @@ class Chain:
 
 
 SPACING = 1.5
-SPATIAL = {"rssr-1000": partial(one_rssr, times=SWEEP), "rssrs-100x72": partial(many_rssrs, mechanisms=100, times=72)}
-"""The workloads of space, by name."""
 Workload = FourBars | SpatialLoops | Chain
 
 
 def names() -> tuple[str, ...]:
     """Return the names of all workloads, in the order in which they are run."""
-    return ("sweep-1000", "many-10000x360", "many-10000x360-any", *(f"chain-{n}" for n in WINDOWS), *SPATIAL)
+    return tuple(WORKLOADS)
 
 
 def workload(name: str) -> Workload:
     """Return a workload by its name; KeyError if there is none."""
-    if name == "sweep-1000":
-        return sweep(SWEEP)
-    if name in ("many-10000x360", "many-10000x360-any"):
-        return many(name, MECHANISMS, TIMES, 0.0 if name.endswith("any") else MARGIN)
-    if name in SPATIAL:
-        return SPATIAL[name](name)
-    if name in names():
-        return Chain(name, int(name.removeprefix("chain-")))
-    raise KeyError(name)
+    return WORKLOADS[name](name)
 
 
-def sweep(count: int) -> FourBars:
+def sweep(count: int, name: str = "sweep-1000") -> FourBars:
     """Return one four-bar at so many times over a turn."""
-    return FourBars("sweep-1000", np.array(EXAMPLE)[:, None], np.linspace(0.0, math.tau, count))
+    return FourBars(name, np.array(EXAMPLE)[:, None], np.linspace(0.0, math.tau, count))
 
 
 def many(name: str, mechanisms: int, times: int, margin: float) -> FourBars:
     """Return random four-bars whose crank turns fully, at so many times over a turn."""
     return FourBars(name, grashof(mechanisms, margin), np.arange(times) * (math.tau / times))
+
+
+WORKLOADS: dict[str, Callable[[str], Workload]] = {
+    "sweep-1000": partial(sweep, SWEEP),
+    "many-10000x360": partial(many, mechanisms=MECHANISMS, times=TIMES, margin=MARGIN),
+    "many-10000x360-any": partial(many, mechanisms=MECHANISMS, times=TIMES, margin=0.0),
+    **{f"chain-{n}": partial(Chain, windows=n) for n in WINDOWS},
+    "rssr-1000": partial(one_rssr, times=SWEEP),
+    "rssrs-100x72": partial(many_rssrs, mechanisms=100, times=72),
+}
 
 
 def grashof(count: int, margin: float) -> Any:

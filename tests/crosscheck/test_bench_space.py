@@ -160,6 +160,10 @@ def test_cranks_of_many_rssrs_turn_fully_and_all_differ():
 
 
 def test_workloads_of_space_are_as_large_as_their_names_say():
-    sizes = {name: (works.workload(name).mechanisms, works.workload(name).configurations) for name in works.SPATIAL}
+    sizes = {
+        name: (works.workload(name).mechanisms, works.workload(name).configurations)
+        for name in works.names()
+        if name.startswith("rssr")
+    }
 
     assert sizes == {"rssr-1000": (1, 1000), "rssrs-100x72": (100, 7200)}
