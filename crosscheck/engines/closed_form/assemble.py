@@ -24,7 +24,7 @@ from itertools import combinations
 import numpy as np
 
 from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
-from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Mask, Planar, midpoint
+from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, midpoint
 from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, GroupedScene, JetPose, LineRow, RigidGroup
 from crosscheck.engines.closed_form.turns import count_turns
 from refkin.joints import GROUND
@@ -135,12 +135,11 @@ class Assembly:
         return False
 
     def _meet_nodes(self) -> bool:
-        zero = Jet(self.arithmetic.number(0.0))
         for g in self.groups:
             for node, label in enumerate(self.linkage.labels):
                 if node in g.nodes:
                     continue
-                rows = list(self._rows(g, RigidGroup({}, {node: Planar(zero, zero)}, g.family, g.spin)))
+                rows = list(self._rows(g, RigidGroup({}, {node: Planar(ZERO, ZERO)}, g.family, g.spin)))
                 if len(rows) > 1:
                     g.nodes[node] = self._meeting_point(g, rows, label)
                     return True
@@ -163,7 +162,7 @@ class Assembly:
         """Put x, of g's family, into g with its frame's origin there."""
         frame = JetPose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
         g.bodies.update({name: pose.after(frame) for name, pose in x.bodies.items()})
-        g.nodes = {**{node: frame.point(local) for node, local in x.nodes.items()}, **g.nodes}
+        g.nodes.update({node: frame.point(local) for node, local in x.nodes.items() if node not in g.nodes})
         self.groups.remove(x)
 
     # rows between two groups of one family, as loci of the origin of x in the frame of g

@@ -86,7 +86,7 @@ class Balls:
 
 
 _nonnegative = np.frompyfunc(lambda ball, zero: ball.nonnegative_part() if zero else ball, 2, 1)
-_ball_atan2 = np.frompyfunc(arb.atan2, 2, 1)
+_ball_atan2 = np.frompyfunc(lambda y, x: arb.atan2(arb(y), arb(x)), 2, 1)
 _float = np.frompyfunc(float, 1, 1)
 
 
@@ -97,7 +97,8 @@ def midpoint(value: Number) -> Any:
 
 def atan2(y: Number, x: Number) -> Number:
     """Return the angle of (x, y) in either arithmetic."""
-    return _ball_atan2(y, x) if np.asarray(y).dtype.hasobject else np.arctan2(y, x)
+    of_balls = any(np.asarray(part).dtype.hasobject for part in (y, x))
+    return _ball_atan2(y, x) if of_balls else np.arctan2(y, x)
 
 
 def _mul(a: Number, b: Number) -> Number:
@@ -114,12 +115,18 @@ def _neg(a: Number) -> Number:
     return 0 if type(a) is int else -a
 
 
+def _sub(a: Number, b: Number) -> Number:
+    if type(b) is int:
+        return a
+    return -b if type(a) is int else a - b
+
+
 def _div(a: Number, b: Number) -> Number:
     return 0 if type(a) is int else a / b
 
 
 class Jet:
-    """A number with its first and second derivative in time."""
+    """A number with its first and second derivative in time; with `ZERO` and `ONE` nothing is computed."""
 
     __slots__ = ("a", "d", "v")
 
@@ -127,15 +134,27 @@ class Jet:
         self.v, self.d, self.a = value, rate, acceleration
 
     def __add__(self, other: Jet) -> Jet:
+        if self is ZERO or other is ZERO:
+            return other if self is ZERO else self
         return Jet(self.v + other.v, _add(self.d, other.d), _add(self.a, other.a))
 
     def __neg__(self) -> Jet:
-        return Jet(-self.v, _neg(self.d), _neg(self.a))
+        return self if self is ZERO else Jet(-self.v, _neg(self.d), _neg(self.a))
 
     def __sub__(self, other: Jet) -> Jet:
-        return Jet(self.v - other.v, _add(self.d, _neg(other.d)), _add(self.a, _neg(other.a)))
+        if self is ZERO or other is ZERO:
+            return -other if self is ZERO else self
+        return Jet(self.v - other.v, _sub(self.d, other.d), _sub(self.a, other.a))
 
     def __mul__(self, other: Jet) -> Jet:
+        if self is ZERO or other is ONE:
+            return self
+        if other is ZERO or self is ONE:
+            return other
+        if type(other.d) is int and type(other.a) is int:
+            return self.times(other.v)
+        if type(self.d) is int and type(self.a) is int:
+            return other.times(self.v)
         cross = _mul(self.d, other.d)
         return Jet(
             self.v * other.v,
@@ -145,10 +164,10 @@ class Jet:
 
     def __truediv__(self, other: Jet) -> Jet:
         v = self.v / other.v
-        d = _div(_add(self.d, _neg(_mul(v, other.d))), other.v)
+        d = _div(_sub(self.d, _mul(v, other.d)), other.v)
         turning = _mul(d, other.d)
         rest = _add(_add(turning, turning), _mul(v, other.a))
-        return Jet(v, d, _div(_add(self.a, _neg(rest)), other.v))
+        return Jet(v, d, _div(_sub(self.a, rest), other.v))
 
     def times(self, factor: Number) -> Jet:
         """Return the jet multiplied by a constant."""
@@ -158,7 +177,7 @@ class Jet:
         """Return the square root r: r' = v'/(2 r), r'' = (v''/2 - r'^2)/r."""
         r = np.sqrt(self.v)
         d = _div(self.d, r + r)
-        return Jet(r, d, _div(_add(_div(self.a, 2), _neg(_mul(d, d))), r))
+        return Jet(r, d, _div(_sub(_div(self.a, 2), _mul(d, d)), r))
 
     def cos_sin(self) -> tuple[Jet, Jet]:
         """Return cosine and sine."""
@@ -166,6 +185,10 @@ class Jet:
         cd, sd = _neg(_mul(s, self.d)), _mul(c, self.d)
         ca = _neg(_add(_mul(s, self.a), _mul(sd, self.d)))
         return Jet(c, cd, ca), Jet(s, sd, _add(_mul(c, self.a), _mul(cd, self.d)))
+
+
+ZERO, ONE = Jet(0), Jet(1.0)
+"""Numbers of frames that coincide."""
 
 
 class Planar:
@@ -218,9 +241,9 @@ class Planar:
         """Return the angle in (-pi, pi]: theta' = (x y' - y x') / (x^2 + y^2)."""
         x, y = self.x, self.y
         square = self.dot(self)
-        d = _div(_add(_mul(x.v, y.d), _neg(_mul(y.v, x.d))), square.v)
-        swept = _add(_mul(x.v, y.a), _neg(_mul(y.v, x.a)))
-        return Jet(atan2(y.v, x.v), d, _div(_add(swept, _neg(_mul(d, square.d))), square.v))
+        d = _div(_sub(_mul(x.v, y.d), _mul(y.v, x.d)), square.v)
+        swept = _sub(_mul(x.v, y.a), _mul(y.v, x.a))
+        return Jet(atan2(y.v, x.v), d, _div(_sub(swept, _mul(d, square.d)), square.v))
 
 
 def on_circle(cos: Jet, sin: Jet) -> tuple[Jet, Jet]:
@@ -228,8 +251,8 @@ def on_circle(cos: Jet, sin: Jet) -> tuple[Jet, Jet]:
 
     Each by itself they are only so to rounding of a fast turn's acceleration, which a slow direction would feel.
     """
-    rate = _add(_mul(cos.v, sin.d), _neg(_mul(sin.v, cos.d)))
-    bend, square = _add(_mul(cos.v, sin.a), _neg(_mul(sin.v, cos.a))), _mul(rate, rate)
+    rate = _sub(_mul(cos.v, sin.d), _mul(sin.v, cos.d))
+    bend, square = _sub(_mul(cos.v, sin.a), _mul(sin.v, cos.a)), _mul(rate, rate)
     return (
         Jet(cos.v, _neg(_mul(sin.v, rate)), _neg(_add(_mul(sin.v, bend), _mul(cos.v, square)))),
         Jet(sin.v, _mul(cos.v, rate), _add(_mul(cos.v, bend), _neg(_mul(sin.v, square)))),

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Planar
+from crosscheck.engines.closed_form.jets import ONE, ZERO, Arithmetic, Jet, Planar
 from crosscheck.engines.closed_form.laws import law_jet
 from refkin import joints
 from refkin.model import Scene
@@ -106,9 +106,8 @@ def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     nodes = _nodes(scene, linkage)
     for name in (joints.GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
-        zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
-        still = JetPose(zero, Planar(one, zero), Planar(zero, zero))
-        linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (zero, still.turn)))
+        still = JetPose(ZERO, Planar(ONE, ZERO), Planar(ZERO, ZERO))
+        linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (ZERO, still.turn)))
     for element in joints.elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage
@@ -118,7 +117,7 @@ def _local(linkage: GroupedScene, place: Place, arithmetic: Arithmetic) -> Plana
     body, (x, y) = place
     ox, oy = linkage.origin if body == joints.GROUND else (0.0, 0.0)
     number = arithmetic.number
-    return Planar(Jet(number(x) - number(ox)), Jet(number(y) - number(oy)))
+    return Planar(*(Jet(number(a) - number(o)) if a != o else ZERO for a, o in ((x, ox), (y, oy))))
 
 
 def _nodes(scene: Scene, linkage: GroupedScene) -> dict[Place, int]:
@@ -157,7 +156,7 @@ def _read_rows(
         linkage.lines.append(LineRow(name, e.body_i, anchor, normal, ends[1], level))
     elif isinstance(e, joints.PointCoordinate):
         assert law is not None
-        along = Planar(*(Jet(number(float(k == e.axis))) for k in range(2)))
+        along = Planar(ZERO, ONE) if e.axis else Planar(ONE, ZERO)
         origin = _local(linkage, (joints.GROUND, (0.0, 0.0)), arithmetic)
         linkage.lines.append(LineRow(name, joints.GROUND, origin, along, ends[0], law))
     elif isinstance(e, joints.PointDistance):
@@ -167,5 +166,5 @@ def _read_rows(
 
 def unit_normal(axis: joints.Pair, arithmetic: Arithmetic) -> Planar:
     """Return the axis turned by a quarter turn counter-clockwise, of length 1."""
-    x, y = (Jet(arithmetic.number(c)) for c in axis)
+    x, y = (Jet(arithmetic.number(c)) if c else ZERO for c in axis)
     return Planar(x, y).perp().over(Planar(x, y).length())

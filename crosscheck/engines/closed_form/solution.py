@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,8 +51,10 @@ def assembled(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], An
 
 
 def _solved(scene: Scene, turns_of: Callable[[int], Any] | None = None) -> Solution:
-    assembly = assembled(scene, Floats(), turns_of)
-    ground, drawn = assembly.groups[0], read_linkage(scene, Floats())
+    drawn = read_linkage(scene, Floats())
+    apart = [replace(g, bodies=dict(g.bodies), nodes=dict(g.nodes)) for g in drawn.groups]
+    assembly = Assembly(replace(drawn, groups=apart), scene, Floats(), turns_of=turns_of)
+    ground = assembly.run()
     closure = np.stack([np.broadcast_to(gap, (len(scene.times),)) for gap in _gaps(drawn, ground, scene)])
     return Solution(assembly, ground, scene, closure)
 
@@ -174,10 +175,10 @@ def lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
     """
     if len(times) < 2:
         return np.inf
-    parts = np.clip(np.nan_to_num(np.ceil(moves / PART), nan=PIECES), FEWEST, PIECES).astype(int).tolist()
-    fine = np.unique(
-        np.concatenate([np.linspace(a, b, n + 1) for (a, b), n in zip(pairwise(times), parts, strict=True)])
-    )
+    parts = np.clip(np.nan_to_num(np.ceil(moves / PART), nan=PIECES), FEWEST, PIECES).astype(int)
+    first, last = np.array(times[:-1]), np.array(times[1:])
+    alike = [parts == n for n in range(FEWEST, PIECES + 1) if n in parts]
+    fine = np.unique(np.concatenate([np.linspace(first[k], last[k], parts[k][0] + 1).ravel() for k in alike]))
     slacks = _Slacks.of(solve(tuple(fine)))
     met = _first(fine, slacks.value)
     least = (slacks.rate[:, :-1] < 0.0) & (slacks.rate[:, 1:] > 0.0) & (fine[1:] < met)
