@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,24 @@ class Configuration:
     def system(self) -> System:
         """Our equations, as the mechanism has them."""
         return self.in_form("")[0]
+
+    @cached_property
+    def sizes(self) -> tuple[dict[Level, float], dict[Level, float]]:
+        """What an engine may add and take away again on the way to a row; in the second place of rows of turns.
+
+        Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
+        times all of these. Rows of turns are products of Euler parameters p, whatever the lengths: 1, |p'| and |p'|^2.
+        """
+        kind = self.mechanism.kind
+        q, qd = (x.reshape(-1, kind.width) for x in (self.q, self.qd))
+        lever, linear = (float(np.abs(x[:, : kind.dimension]).max()) for x in (q, qd))
+        turning = qd[:, kind.dimension :]
+        rate = float(np.linalg.norm(turning, axis=1).max())
+        omega = float(np.abs(turning).max()) if kind.name == "planar" else 2.0 * rate
+        moved = linear + omega * lever
+        sizes = (lever, lever, moved, omega * moved), (1.0, 1.0, rate, rate**2)
+        of_points, of_turns = (dict(zip(LEVELS, size, strict=True)) for size in sizes)
+        return of_points, of_turns
 
     def in_form(self, form: str) -> tuple[System, dict[Any, Any]]:
         """Return our equations in a form of the joints of space, and their values there: the same for all engines.
@@ -138,17 +157,17 @@ def compare_levels(
     """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
     table = engine.capabilities()
     elements = {(e.name, e.row + k): e for e in elements_of(mechanism.constraints) for k in range(e.rows)}
+    maps = [m for m in model.rows if model.owns_driver or not elements[m.constraint, m.row].laws]
+    able = [table.get(elements[m.constraint, m.row].key, {}) for m in maps]
+    expected = [_expected(model, c, maps) for c in at] if maps else []
     compared = {}
     for level in LEVELS:
-        maps = [
-            m
-            for m in model.rows
-            if table.get(elements[m.constraint, m.row].key, {}).get(level, ABSENT).support is not Support.REFUSED
-            and (model.owns_driver or not elements[m.constraint, m.row].laws)
-        ]
-        if maps:
-            samples = [_compare_at(level, model, c, maps, terms) for c in at]
-            compared[level] = _worst_of(samples, maps)
+        of_level = [k for k, one in enumerate(able) if one.get(level, ABSENT).support is not Support.REFUSED]
+        if of_level:
+            own = [maps[k] for k in of_level]
+            rows = ([part[of_level] for part in of_all[level]] for of_all in expected)
+            samples = [_compare_at(level, model, c, own, *row, terms) for c, row in zip(at, rows, strict=True)]
+            compared[level] = _worst_of(samples, own)
     return compared
 
 
@@ -160,28 +179,29 @@ def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> Lev
 
 
 def _compare_at(
-    level: Level, model: ConstraintModel, at: Configuration, maps: Sequence[RowMap], terms: Sequence[Term]
+    level: Level,
+    model: ConstraintModel,
+    at: Configuration,
+    maps: Sequence[RowMap],
+    expected: Any,
+    allowed: Any,
+    terms: Sequence[Term],
 ) -> tuple[Any, float]:
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
-    system, ours = at.in_form(getattr(model, "form", ""))
-    first_row = {p.constraint.name: p.row for p in system.placed}
-    size = {turns: _size(level, at, turns=turns) for turns in {m.either for m in maps}}
-    sizes = np.array([size[m.either] for m in maps])
-    added = sum(t.absolute + t.relative * sizes for t in terms if t.level == level)
     theirs = {
         Level.RESIDUAL: lambda: model.residual(at.q, at.t),
         Level.JACOBIAN: lambda: model.jacobian(at.q, at.t),
         Level.CONSTRAINT_VELOCITY: lambda: model.constraint_velocity(at.q, at.qd, at.t),
         Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
     }[level]()
-    if any(m.either for m in maps):
-        maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
-    mapped = [_mapped(level, m, first_row[m.constraint] + m.row, ours) for m in maps]
-    expected, allowed = (np.array(part, float) for part in zip(*mapped, strict=True))
-    factors = np.array([abs(m.factor) for m in maps])
-    allowed += (factors * added).reshape(-1, *[1] * (allowed.ndim - 1))
+    of_level = [term for term in terms if term.level == level]
+    if of_level:
+        sizes = np.array([at.sizes[m.either][level] for m in maps])
+        added = sum(t.absolute + t.relative * sizes for t in of_level) * np.abs([m.factor for m in maps])
+        allowed = allowed + added.reshape(-1, *[1] * (allowed.ndim - 1))
     error = np.abs(theirs[[m.engine_row for m in maps]] - expected)
     ratios = np.where(error == 0.0, 0.0, error / np.maximum(allowed, TINY)).reshape(len(maps), -1).max(axis=1)
+    _, ours = at.in_form(getattr(model, "form", ""))
     relative = float(np.fmax.reduce(error, axis=None)) / max(ours["scale"][level], TINY)
     return ratios.tolist(), min(17.0, -np.log10(relative)) if relative else 17.0
 
@@ -194,24 +214,6 @@ def _signed(maps: Sequence[RowMap], theirs: Any, ours: Any, first_row: Mapping[s
         same = sum(theirs[n.engine_row] * n.factor * ours[first_row[n.constraint] + n.row] for n in joint)
         signed.append(replace(m, factor=-m.factor) if m.either and same < 0.0 else m)
     return signed
-
-
-def _size(level: Level, at: Configuration, *, turns: bool) -> float:
-    """Return the size of what an engine may add and take away again on the way to a row.
-
-    Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
-    times all of these. Rows of turns are products of Euler parameters p, whatever the lengths: 1, |p'| and |p'|^2.
-    """
-    kind = at.mechanism.kind
-    q, qd = (x.reshape(-1, kind.width) for x in (at.q, at.qd))
-    lever, linear = (np.max(np.abs(x[:, : kind.dimension])) for x in (q, qd))
-    turning = qd[:, kind.dimension :]
-    if turns:
-        rate = np.max(np.linalg.norm(turning, axis=1))
-        return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: rate**2}.get(level, 1.0))
-    omega = np.max(np.abs(turning)) if kind.name == "planar" else 2.0 * np.max(np.linalg.norm(turning, axis=1))
-    rate = linear + omega * lever
-    return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: omega * rate}.get(level, lever))
 
 
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
@@ -262,23 +264,39 @@ def _in_common_columns(slope: Any, gamma: Any, at: Configuration) -> tuple[Any, 
     return out, bent
 
 
-def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[Any, Any]:
-    """Return the row the engine must have, and the allowed error, at one level."""
-    (x, ex), (rate, e_rate) = ([v[row] for v in ours[key]] for key in ("x", "x'"))
-    f0, f1, f2 = (m.factor * m.form(x, order) for order in range(3))
-    own = abs(m.factor) * min(ABSOLUTE, getattr(m.form, "rounding", 0.0))  # of one that has y by a product, not from x
-    if level is Level.RESIDUAL:
-        value, error = f0, abs(f1) * ex + own
-    elif level is Level.JACOBIAN:
-        slope, e_slope = (v[row] for v in ours["x_q"])
-        value, error = f1 * slope, abs(f1) * (e_slope + U * np.max(np.abs(slope))) + abs(f2) * ex * np.abs(slope)
-        error = error + own * np.abs(slope)
-    elif level is Level.CONSTRAINT_VELOCITY:
-        value, error = f1 * rate, abs(f1) * e_rate + (abs(f2) * ex + own) * abs(rate)
-    else:
-        gamma, e_gamma = (v[row] for v in ours["gamma"])
-        value = f1 * gamma - f2 * rate**2
-        error = abs(f1) * e_gamma + abs(f2) * (2 * abs(rate) * e_rate + ex * abs(gamma) + U * rate**2)
-        # F'' at an x known to ex
-        error = error + (abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) + own) * rate**2
-    return value, BOTH_SIDES * SAFETY * (error + 2 * U * np.abs(value))
+def _expected(model: ConstraintModel, at: Configuration, maps: Sequence[RowMap]) -> dict[Level, tuple[Any, Any]]:
+    """Return the rows that the engine must have, and the allowed errors, at every level."""
+    system, ours = at.in_form(getattr(model, "form", ""))
+    first_row = {p.constraint.name: p.row for p in system.placed}
+    if any(m.either for m in maps):
+        maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
+    rows = [first_row[m.constraint] + m.row for m in maps]
+    (x, ex), (slope, e_slope), (rate, e_rate), (gamma, e_gamma) = (
+        [part[rows] for part in ours[key]] for key in ("x", "x_q", "x'", "gamma")
+    )
+    forms = [[m.factor * m.form(v, order) for order in range(3)] for m, v in zip(maps, x, strict=True)]
+    f0, f1, f2 = np.array(forms, float).T
+    # F'' at an x known to ex
+    beside = np.array([m.factor * m.form(v, 2) for m, v in zip(maps, x + ex, strict=True)], float) - f2
+    own = np.array([abs(m.factor) * min(ABSOLUTE, getattr(m.form, "rounding", 0.0)) for m in maps])
+    # own: of one that has y by a product, not from x
+    bend, along, largest = np.abs(f2), np.abs(slope), U * np.max(np.abs(slope), axis=1, keepdims=True)
+    steep = np.abs(f1)
+    mapped = {
+        Level.RESIDUAL: (f0, steep * ex + own),
+        Level.JACOBIAN: (
+            f1[:, None] * slope,
+            steep[:, None] * (e_slope + largest) + (bend * ex)[:, None] * along + own[:, None] * along,
+        ),
+        Level.CONSTRAINT_VELOCITY: (f1 * rate, steep * e_rate + (bend * ex + own) * np.abs(rate)),
+        Level.DRIFT: (
+            f1 * gamma - f2 * rate**2,
+            steep * e_gamma
+            + bend * (2 * np.abs(rate) * e_rate + ex * np.abs(gamma) + U * rate**2)
+            + (np.abs(beside) + own) * rate**2,
+        ),
+    }
+    return {
+        level: (value, BOTH_SIDES * SAFETY * (error + 2 * U * np.abs(value)))
+        for level, (value, error) in mapped.items()
+    }
