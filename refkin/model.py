@@ -90,14 +90,15 @@ class Mechanism:
 
         A massless link (distance joint) counts with its length. 1 if no body has two points.
         """
+        return self._size
+
+    @cached_property
+    def _size(self) -> float:
         points: dict[str, list[Any]] = {}
-        for constraint in self.constraints:
-            for body, point in constraint.points():
-                points.setdefault(body, []).append(point)
+        for body, point in (end for c in self.constraints for end in c.points()):
+            points.setdefault(body, []).append(point)
         largest = max([0.0, *map(_diameter, points.values()), *(c.reach() for c in self.constraints)])
-        if largest == 0.0:
-            return 1.0
-        mantissa, exponent = math.frexp(largest)
+        mantissa, exponent = math.frexp(largest or 1.0)
         return math.ldexp(1.0, exponent if mantissa > math.sqrt(0.5) else exponent - 1)
 
     def unit(self) -> Unit:

@@ -310,16 +310,16 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
     """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses."""
     table, unsupported = engine.capabilities(), []
     for constraint in constraints:
-        elements = list(elements_of([constraint]))
-        reasons = []
-        printed = getattr(constraint, "form", "") == "printed"  # more rows, the same joint
-        if sum(element.rows for element in elements) != constraint.rows and not printed:
-            reasons.append("no such joint in this engine: no elements say what it is")
-        for element in elements:
-            missing = refused(f"no such element in this engine: {element.key}")
-            capability = table.get(element.key, {}).get(level, missing)
-            if capability.support is Support.REFUSED:
+        reasons, rows = [], 0
+        for element in elements_of([constraint]):
+            rows += element.rows
+            capability = table.get(element.key, {}).get(level)
+            if capability is None:
+                reasons.append(f"no such element in this engine: {element.key}")
+            elif capability.support is Support.REFUSED:
                 reasons.append(capability.reason)
+        if rows != constraint.rows and getattr(constraint, "form", "") != "printed":  # more rows, the same joint
+            reasons.insert(0, "no such joint in this engine: no elements say what it is")
         unsupported += [(constraint.type, constraint.name, reason) for reason in dict.fromkeys(reasons)]
     return unsupported
 

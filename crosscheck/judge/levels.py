@@ -165,8 +165,10 @@ def compare_levels(
         of_level = [k for k, one in enumerate(able) if one.get(level, ABSENT).support is not Support.REFUSED]
         if of_level:
             own = [maps[k] for k in of_level]
-            rows = ([part[of_level] for part in of_all[level]] for of_all in expected)
-            samples = [_compare_at(level, model, c, own, *row, terms) for c, row in zip(at, rows, strict=True)]
+            samples = [
+                _compare_at(level, model, c, own, value[of_level], allowed[of_level], terms)
+                for c, (value, allowed) in zip(at, (of_all[level] for of_all in expected), strict=True)
+            ]
             compared[level] = _worst_of(samples, own)
     return compared
 
