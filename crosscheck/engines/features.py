@@ -14,7 +14,7 @@ import numpy as np
 from crosscheck.engines import Array, EngineRefusal
 from refkin.joints import GROUND, Pair, PointsCoincide, RelativeAngle, Unit, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Status
+from refkin.motion import Motion, Route, Status
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def with_rates(
         speed = _solved(rows, np.append(still, rate))
         qd[:, k] = speed * scale
         qdd[:, k] = _solved(rows, np.append(drift(q, speed), bend)) * scale
-    return replace(motion, qd=qd, qdd=qdd, producer=produced(motion, route))
+    return replace(motion, qd=qd, qdd=qdd, producer=replace(motion.producer, route=route))
 
 
 def _solved(rows: Array, right: Array) -> Array:
@@ -95,8 +95,3 @@ def _solved(rows: Array, right: Array) -> Array:
         return np.asarray(np.linalg.solve(rows, right), float)
     except np.linalg.LinAlgError:  # rows that are no derivatives may be dependent where the motion is regular
         return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], float)
-
-
-def produced(motion: Motion, route: Route) -> Producer:
-    """Return who answers by a feature."""
-    return Producer(name=motion.producer.name, version=motion.producer.version, route=route)

@@ -348,13 +348,16 @@ def levels_of(motion: Motion) -> list[Array]:
 
 
 def _as_motion(method: Method, scene: Scene, levels: Sequence[Any]) -> Motion:
-    """Return levels of all bodies as a motion: ok wherever there are numbers."""
-    levels = [np.asarray(level, float) for level in levels]
-    there = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
-    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
     who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), method.engine)
     route = Route(name=method.name, newton_by=method.newton_by, seeding=method.seeding, **who)
     bodies = tuple(body.name for body in scene.mechanism.bodies)
-    full = [*levels, None, None]
-    producer = Producer(name=method.engine, version="", route=route)
-    return engine_motion(scene.times, bodies, full[0], full[1], full[2], status, producer)
+    return motion_of(scene.times, bodies, levels, Producer(name=method.engine, version="", route=route))
+
+
+def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], producer: Producer) -> Motion:
+    """Return levels (n, T) of bodies, as many as there are, as a motion: ok wherever there are numbers."""
+    levels = [np.asarray(level, float) for level in levels]
+    there = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
+    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
+    q, qd, qdd = [*levels, None, None][:3]
+    return engine_motion(times, bodies, q, qd, qdd, status, producer)

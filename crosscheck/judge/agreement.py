@@ -14,22 +14,10 @@ from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+from refkin.motion import Motion, Producer, Route, Status, engine_motion
 from refkin.output.tables import UNITS
 
-OWN = Producer(
-    name="own solver",
-    version="",
-    route=Route(
-        name="own",
-        residual_by="own",
-        jacobian_by="own",
-        newton_by="own",
-        linear_solve_by="own",
-        drift_by="own",
-        seeding=Seeding.NONE,
-    ),
-)
+OWN = Producer(name="own solver", version="", route=Route(name="own"))
 
 
 class NothingToCompare(RefkinError):

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, Term
-from crosscheck.engines.frames import wrap
-from crosscheck.judge.comparison import Reference
-from crosscheck.judge.spatial import alike, passive_lines
-from refkin.joints import PLANE
+from crosscheck.judge.comparison import Reference, difference, scaled
 from refkin.motion import Motion
 
 
@@ -102,26 +99,14 @@ def _levels(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term]) -> I
 def _difference(ref: Reference, off: Motion, on: Motion, bodies: Sequence[str], order: int) -> Any:
     """Return on - off of some bodies at one level in scaled coordinates, angles of positions modulo full turns.
 
-    Signs of Euler parameters and passive spins are in both those of the reference. It is 0 where neither has a number,
-    and infinite where one has and the other has not.
+    It is 0 where neither has a number, and infinite where one has and the other has not.
     """
-    kind = ref.system.kind
-    before, after = (_coordinates(ref, motion, bodies, order) for motion in (off, on))
-    difference = after - before
-    is_length = np.arange(len(difference)) % kind.width < kind.dimension
-    difference[is_length] /= ref.system.unit.size
-    if order == 0 and kind is PLANE:
-        difference[~is_length] = wrap(difference[~is_length])
+    scaled_levels = []
+    for motion in (off, on):
+        parts = ([motion[body].q, motion[body].qd, motion[body].qdd][: order + 1] for body in bodies)
+        levels = [np.concatenate(level) for level in zip(*parts, strict=True)]
+        scaled_levels.append(scaled(ref, bodies, dict(enumerate(levels)))[0][order])
+    before, after = scaled_levels
     known = np.isfinite(before), np.isfinite(after)
-    return np.where(known[0] & known[1], difference, np.where(known[0] == known[1], 0.0, np.inf))
-
-
-def _coordinates(ref: Reference, motion: Motion, bodies: Sequence[str], order: int) -> Any:
-    """Return the coordinates of some bodies [m], or their rates of an order."""
-    names = ("q", "qd", "qdd")[: order + 1]
-    levels = [np.concatenate([getattr(motion[body], name) for body in bodies]) for name in names]
-    if ref.system.kind is not PLANE:
-        truth = [np.concatenate([getattr(ref.motion[body], name) for body in bodies]) for name in names]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            levels = alike(levels, truth, bodies, passive_lines(ref.scene.mechanism))
-    return levels[order]
+    change = difference(ref.system, after, before, order)
+    return np.where(known[0] & known[1], change, np.where(known[0] == known[1], 0.0, np.inf))

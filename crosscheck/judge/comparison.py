@@ -194,6 +194,17 @@ def scaled_differences(
 ) -> tuple[Any, Any]:
     """Return K levels of an answer minus the reference's, and the reference's own, both scaled, (K, n, T) each.
 
+    Parameters as those of `scaled`.
+    """
+    theirs, ours = scaled(ref, bodies, levels, at)
+    return np.array([difference(ref.system, *pair) for pair in zip(theirs, ours, levels, strict=True)]), ours
+
+
+def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)) -> tuple[Any, Any]:
+    """Return K levels of an answer, and the reference's own, both in its scaled coordinates, (K, n, T) each.
+
+    Signs of Euler parameters and passive spins are in both those of the reference.
+
     Parameters
     ----------
     levels : mapping
@@ -212,7 +223,7 @@ def scaled_differences(
     if system.kind.name == "spatial":
         with np.errstate(invalid="ignore", divide="ignore"):
             theirs = np.array(alike(list(theirs), list(ours), bodies, ref.passive))
-    return np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)]), ours
+    return theirs, ours
 
 
 def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import groupby, pairwise
 from typing import Any
 
 STEPS = (3, 6, 9, 12, 14)
@@ -213,16 +212,14 @@ def with_suspicions(rows: Sequence[PriceRow]) -> list[PriceRow]:
     digit of the attainable ones is left alone: there, rounding decides.
     """
     noted = list(rows)
-
-    def of_sweep(k: int) -> tuple[str, str, str]:
-        return rows[k].engine, rows[k].method, rows[k].quantity
-
-    for _, places in groupby(sorted(range(len(rows)), key=lambda k: (of_sweep(k), k)), key=of_sweep):
-        for before, after in pairwise(places):
-            a, b = rows[before], rows[after]
-            if a.digits is None or b.digits is None or b.digits_attainable is None:
-                continue
-            if b.digits < min(a.digits, b.digits_attainable) - LOOSER:
-                suspicion = f"fewer digits than at the looser setting {a.setting!r}"
-                noted[after] = replace(b, note="; ".join(filter(None, (b.note, suspicion))))
+    looser: dict[tuple[str, str, str], PriceRow] = {}
+    for k, b in enumerate(rows):
+        sweep = b.engine, b.method, b.quantity
+        a = looser.get(sweep, b)
+        looser[sweep] = b
+        if a.digits is None or b.digits is None or b.digits_attainable is None:
+            continue
+        if b.digits < min(a.digits, b.digits_attainable) - LOOSER:
+            suspicion = f"fewer digits than at the looser setting {a.setting!r}"
+            noted[k] = replace(b, note="; ".join(filter(None, (b.note, suspicion))))
     return noted

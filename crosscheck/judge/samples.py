@@ -55,7 +55,8 @@ def sharpness_at_common(ref: Reference) -> dict[str, tuple[float, float]]:
     """Return how sharp the budgets are at the time at which answers are compared with each other."""
     if ref.common is None:
         return {}
-    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [ref.common.k]).items()}
+    sharp = sharpness(ref, [ref.common.k]).items()
+    at = {q: (largest(loosest), smallest(seen)) for q, (loosest, seen) in sharp}
     return {q: (float(f"{loosest:.3g}"), float(f"{seen:.3g}")) for q, (loosest, seen) in at.items() if loosest and seen}
 
 

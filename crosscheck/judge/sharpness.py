@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, nextafter
 from typing import Any
 
@@ -29,24 +29,15 @@ DRAWS = 8
 """The largest of eight draws is about 1.4 standard deviations of such a move; of three, a fifth less."""
 
 
-@dataclass(frozen=True)
-class Sharpness:
-    """Allowed over attainable of one quantity at some times, (T,).
+def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, tuple[Any, Any]]:
+    """Return allowed over attainable, by quantity, at some of the times; those without a budget are left out.
 
-    Attributes
-    ----------
-    largest : array
-        The largest component of what is allowed over the largest of what is attainable: how loose the budget is.
-    smallest : array
-        The smallest allowed over attainable of any component: errors of so many times the attainable ones are seen.
+    Returns
+    -------
+    dict of str to (array, array)
+        Per time, the largest component of what is allowed over the largest of what is attainable: how loose the budget
+        is; and the smallest allowed over attainable of any component: errors of so many times the attainable are seen.
     """
-
-    largest: Any
-    smallest: Any
-
-
-def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, Sharpness]:
-    """Return allowed over attainable, by quantity, at some of the times; those without a budget are left out."""
     budget = ref.budget()
     chosen = [k for k in lanes if budget.judged[k]]
     moved = attainable_by_inputs(ref, chosen)
@@ -55,7 +46,7 @@ def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, Sharpness]:
         allowed = level[:, chosen]
         with np.errstate(divide="ignore", over="ignore"):
             smallest = np.min(allowed / attainable, axis=0)
-        by_quantity[quantity] = Sharpness(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)
+        by_quantity[quantity] = np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest
     return by_quantity
 
 

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.frames import wrap
+from crosscheck.engines.methods import motion_of
 from crosscheck.judge.budget import SAFETY, derive, output_rounding
 from crosscheck.judge.comparison import Reference, compare, reference, scales
 from crosscheck.judge.running_error import Running, U
@@ -31,7 +32,7 @@ from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Evidence
-from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+from refkin.motion import Producer, Route
 from refkin.system import compile_system
 from refkin.vec import BodyValues
 
@@ -41,11 +42,7 @@ SAMPLES = 2000
 """So many budgets are derived at once."""
 SIGNS = 32
 """How many random signs bound |J^-1| e of a chain."""
-ROUTE = Route(
-    name="closed form",
-    **dict.fromkeys(("residual_by", "jacobian_by", "newton_by", "linear_solve_by", "drift_by"), "nobody"),
-    seeding=Seeding.NONE,
-)
+NOBODY = Producer(name="", version="", route=Route(name="closed form"))
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:
     truth = _truth(work, piece)
     system = system_of(work, piece.mechanisms)
     levels = [system.to_unit(np.asarray(level, float), order) for order, level in enumerate(truth)]
-    budget = derive(system, _as_motion(work.t[piece.times], levels), *levels)
+    budget = derive(system, motion_of(work.t[piece.times], (), levels, NOBODY), *levels)
     rows, known = np.asarray(piece.rows), budget.judged
     ratio = 0.0
     for (error, _), allowed in zip(_errors(work, piece, truth), budget.levels, strict=False):
@@ -139,12 +136,6 @@ def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:
             part = np.where(error == 0.0, 0.0, error / allowed[rows])
         ratio = max(ratio, float(np.max(part[:, known], initial=0.0)))
     return ratio, int(np.sum(~known))
-
-
-def _as_motion(t: Any, levels: list[Any]) -> Motion:
-    producer = Producer(name="closed form", version="", route=ROUTE)
-    q, qd, qdd = levels
-    return engine_motion(t, (), q, qd, qdd, (Status.OK,) * len(t), producer)
 
 
 @cache
@@ -161,7 +152,7 @@ def of_spatial_loops(work: SpatialLoops, pieces: Iterable[Piece]) -> Accuracy:
     largest, ratio, count, unjudged, levels = 0.0, 0.0, 0, 0, 0
     for piece in pieces:
         ref = _certified(work, int(piece.mechanisms[0]))
-        compared = compare(ref, _answered(work, piece))
+        compared = compare(ref, motion_of(np.array(work.t), ref.motion.bodies, piece.levels, NOBODY))
         count, levels = count + len(piece.times), len(piece.levels)
         proved = np.isfinite(ref.motion.certified_radius.acceleration)
         unjudged += int(np.sum(~(ref.budget().judged & proved)))
@@ -171,16 +162,6 @@ def of_spatial_loops(work: SpatialLoops, pieces: Iterable[Piece]) -> Accuracy:
             largest = max(largest, float(np.nanmax(quantity.error / scales(level, order), initial=0.0)))
             ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
     return Accuracy(largest, ratio, count, unjudged, levels)
-
-
-def _answered(work: SpatialLoops, piece: Piece) -> Motion:
-    """Return a piece as a motion, ok wherever all its numbers are there."""
-    there = np.all([np.isfinite(level).all(axis=0) for level in piece.levels], axis=0)
-    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
-    bodies = tuple(body.name for body in work.scene().mechanism.bodies)
-    q, qd, qdd = [*piece.levels, None, None][:3]
-    producer = Producer(name="", version="", route=ROUTE)
-    return engine_motion(np.array(work.t), bodies, q, qd, qdd, status, producer)
 
 
 def sparse_system(work: Chain) -> Any:

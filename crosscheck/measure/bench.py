@@ -6,7 +6,6 @@ import math
 import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -30,15 +29,6 @@ Key = tuple[str, str, str]
 """Engine, method, setting."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A method at a workload, up to an order."""
-
-    method: Method
-    order: int
-    batch: Batch
-
-
 def measured(
     work: Workload, producers: Sequence[str] = PRODUCERS, rounds: int = ROUNDS, listed: Sequence[Method] | None = None
 ) -> dict[str, Any]:
@@ -53,10 +43,9 @@ def measured(
     """
     absent: list[dict[str, Any]] = []
     entries = list(_entries(work, _listed(work, producers, absent) if listed is None else listed, absent))
-    timings = timed_in_turns(
-        {str(k): entry.batch.run for k, entry in enumerate(entries)}, rounds=rounds, at_least=TURN, within=SECONDS
-    )
-    rows = [row(work, entry, timings[str(k)]) for k, entry in enumerate(entries)]
+    works = {str(k): batch.run for k, (_, batch) in enumerate(entries)}
+    timings = timed_in_turns(works, rounds=rounds, at_least=TURN, within=SECONDS)
+    rows = [row(work, *entry, timings[str(k)]) for k, entry in enumerate(entries)]
     return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
 
 
@@ -68,7 +57,7 @@ def _listed(work: Workload, producers: Sequence[str], absent: list[dict[str, Any
             absent.append(_absent(work, (producer, "any", ""), error))
 
 
-def _entries(work: Workload, listed: Iterable[Method], absent: list[dict[str, Any]]) -> Iterator[Entry]:
+def _entries(work: Workload, listed: Iterable[Method], absent: list[dict[str, Any]]) -> Iterator[tuple[Method, Batch]]:
     """Yield the methods that take a workload, for all quantities, and where it makes a difference for positions alone.
 
     A Newton iteration is one of positions.
@@ -78,7 +67,7 @@ def _entries(work: Workload, listed: Iterable[Method], absent: list[dict[str, An
         orders = (0,) if alone else (method.highest,) if method.at_once else (method.highest, 0)
         for order in orders:
             try:
-                yield Entry(method, order, method.batched(work, order))
+                yield method, method.batched(work, order)
             except EngineError as error:
                 absent.append(_absent(work, method.key, error))
                 break
@@ -88,27 +77,27 @@ def _absent(work: Workload, key: tuple[str, str, str], error: EngineError) -> di
     return {"workload": work.name, **dict(zip(("engine", "method", "setting"), key, strict=True)), "reason": str(error)}
 
 
-def row(work: Workload, entry: Entry, timing: Timing) -> dict[str, Any]:
+def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[str, Any]:
     """Return a row of the JSON; an infinite error is null, and its row is not ranked."""
-    accuracy = accuracy_of(work, entry.batch)
-    engine, name, setting = entry.method.key
+    accuracy = accuracy_of(work, batch)
+    engine, name, setting = method.key
     return {
         "workload": work.name,
         "engine": engine,
         "method": name,
         "setting": setting,
-        "nanoseconds_per_configuration": timing.seconds / entry.batch.count * 1e9,
+        "nanoseconds_per_configuration": timing.seconds / batch.count * 1e9,
         "unit": NEWTON_ITERATION if isinstance(work, Chain) else CONFIGURATION,
         "spread": timing.spread,
         "max_error": _finite(accuracy.max_error),
         "worst_over_allowed": _finite(accuracy.worst_over_allowed),
         "computes": list(QUANTITIES[: accuracy.levels]),
         "ranked": accuracy.ranked,
-        "timed": entry.batch.count,
+        "timed": batch.count,
         "judged": accuracy.configurations,
         "unjudged": accuracy.unjudged,
-        "newton_by": entry.method.newton_by,
-        "note": "; ".join(filter(None, (entry.method.note, entry.batch.note))),
+        "newton_by": method.newton_by,
+        "note": "; ".join(filter(None, (method.note, batch.note))),
     }
 
 

@@ -23,7 +23,7 @@ HARD_WITHIN = 60.0
 """After so long no further hard case is asked [s]."""
 FORM = "form"
 """The level of what is wrong with an answer before any number is looked at."""
-METHODS, STATUS, ROWS = "methods", "status", "own rows"
+STATUS, ROWS = "status", "own rows"
 LEVELS = (*QUANTITIES, STATUS, FORM, ROWS)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 from crosscheck.engines import EngineError, EngineRefusal, Term
@@ -33,8 +33,8 @@ GROUPS = 3
 """Into how many parts the rounds are divided, to see how far a difference repeats."""
 
 
-def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[dict[str, Any]]:
-    """Return the rows of one engine, or of one effect alone, as plain data.
+def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[EffectRow]:
+    """Return the rows of one engine, or of one effect alone.
 
     Asked with a scene's data, what `crosscheck.engines.load` takes, how long to measure, and an effect, "" for all.
     """
@@ -46,7 +46,7 @@ def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[dict[str,
         ablated = [_alone(each, effect) for each in ablated]
     ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
     share = within / max(len(ablated), 1)
-    return [asdict(row) for each in ablated for row in rows(each, ref, share, _terms(each.method, scene))]
+    return [row for each in ablated for row in rows(each, ref, share, _terms(each.method, scene))]
 
 
 def _alone(ablated: Ablations, effect: str) -> Ablations:
@@ -199,10 +199,9 @@ def effects_ledger(
     return ledger
 
 
-def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Generator[list[EffectRow] | Failure]:
+def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Any:
     """Yield the rows of some effects; a process that fails at one is replaced for those that are left."""
-    for answer in call_in_turn(measured, [(data, spec, share, effect) for effect in effects], share + START):
-        yield answer if isinstance(answer, Failure) else [EffectRow(**row) for row in answer]
+    return call_in_turn(measured, [(data, spec, share, effect) for effect in effects], share + START)
 
 
 def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from crosscheck.engines import PHYSICAL, Simulating
-from crosscheck.engines.methods import Method
+from crosscheck.engines import PHYSICAL, QUANTITIES, Simulating
+from crosscheck.engines.methods import ORDERS, Method
 from refkin.model import Effect, Evidence, Point, Scene
 from refkin.motion import Motion
 
@@ -41,21 +41,12 @@ class Ablations:
         return self.method.engine == REFKIN
 
 
-POSITION, VELOCITY, ACCELERATION = "position", "velocity", "acceleration"
-EVERY_LEVEL = frozenset({Effect.VELOCITY, Effect.ACCELERATION})
+POSITION, VELOCITY, ACCELERATION = QUANTITIES
 
 
-def bare(scene: Scene, effects: frozenset[Effect] = frozenset()) -> Scene:
+def bare(scene: Scene, effects: frozenset[Effect] = frozenset(Effect)) -> Scene:
     """Return a scene that calls for positions of all bodies, for some effects, and for nothing else."""
     return replace(scene, effects=effects, evidence=frozenset(), points=(), bodies_wanted=None)
-
-
-def _levels(scene: Scene) -> dict[str, Scene]:
-    return {
-        POSITION: bare(scene),
-        VELOCITY: bare(scene, frozenset({Effect.VELOCITY})),
-        ACCELERATION: bare(scene, EVERY_LEVEL),
-    }
 
 
 LEVELS = (
@@ -74,7 +65,7 @@ OWN = dict.fromkeys(("condition", "certificate"), "evidence is the reference's o
 
 def _wanted(scene: Scene) -> tuple[dict[str, Scene], list[Ablation], dict[str, str]]:
     """Return what points and other bodies are seen by: scenes, ablations, and why there is no ablation."""
-    whole, body = bare(scene, EVERY_LEVEL), scene.mechanism.bodies[0].name
+    whole, body = bare(scene), scene.mechanism.bodies[0].name
     origin = (0.0,) * scene.mechanism.kind.dimension
     points = scene.points or (Point(name="a point", body=body, position=origin),)
     many = f"{len(points)} of them, position to acceleration"
@@ -94,12 +85,12 @@ def ablations(method: Method, scene: Scene) -> Ablations:
     Evidence is the reference's own; physical effects are an engine's, which may have been made to simulate.
     """
     wanted, reported, absent = _wanted(scene)
-    scenes = {**_levels(scene), **wanted}
+    scenes = {**{q: bare(scene, effects) for q, effects in zip(QUANTITIES, ORDERS, strict=True)}, **wanted}
     listed = [*LEVELS[: method.highest], *reported]
     absent |= {level.effect: "the engine delivers none" for level in LEVELS[method.highest :]}
     works: dict[str, Work] = {}
     if method.engine == REFKIN:
-        whole = bare(scene, EVERY_LEVEL)
+        whole = bare(scene)
         for name, (kind, note) in EVIDENCE.items():
             scenes[name] = replace(whole, evidence=frozenset({kind}))
             listed.append(Ablation(name, off=ACCELERATION, on=name, called_for=True, note=note))
@@ -108,7 +99,7 @@ def ablations(method: Method, scene: Scene) -> Ablations:
         simulating = method.simulating
         simulated = simulating.physical_effects() if simulating else {}
         for effect, how in simulated.items():
-            works[effect] = partial(method.affected(effect).solve, bare(scene, EVERY_LEVEL))
+            works[effect] = partial(method.affected(effect).solve, bare(scene))
             listed.append(Ablation(effect, off=ACCELERATION, on=effect, called_for=False, note=how))
         absent |= {**OWN, **_not_simulated(simulating, simulated)}
     works |= {name: partial(method.solve, asked) for name, asked in scenes.items()}

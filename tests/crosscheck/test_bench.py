@@ -260,7 +260,7 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
     levels = right(work)
     levels[0][:, 3] = np.nan
     batch = Batch(lambda: None, 1, lambda: [answers(work, tuple(levels))])
-    row = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(1.0, 0.0))
+    row = measure.row(work, method("numpy", "closed form"), batch, Timing(1.0, 0.0))
 
     assert not row["ranked"]
     assert row["max_error"] is None
@@ -270,7 +270,7 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
 def test_a_row_says_what_one_configuration_costs_and_of_how_many_how_much_was_judged():
     work = few()
     batch = Batch(lambda: None, 40, lambda: [answers(work, tuple(right(work)))], "of the batch")
-    row = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(2e-6, 0.25))
+    row = measure.row(work, method("numpy", "closed form"), batch, Timing(2e-6, 0.25))
 
     assert row["nanoseconds_per_configuration"] == pytest.approx(50.0)
     assert (row["spread"], row["timed"], row["judged"], row["unjudged"]) == (0.25, 40, work.configurations, 0)
@@ -489,4 +489,4 @@ def test_committed_results_say_what_they_were_measured_on(path):
 def test_a_method_is_timed_for_positions_alone_too_where_that_makes_a_difference(highest, at_once, orders):
     method = SimpleNamespace(highest=highest, at_once=at_once, batched=lambda work, order: (work, order))
 
-    assert [entry.batch for entry in _entries("work", [method], [])] == [("work", order) for order in orders]
+    assert [batch for _, batch in _entries("work", [method], [])] == [("work", order) for order in orders]

@@ -35,7 +35,7 @@ def lanes(ref):
 @cache
 def sharp():
     values = [sharpness(ref, range(SAMPLES)) for ref in references()]
-    return {q: np.concatenate([b[q].largest for b in values]) for q in QUANTITIES}
+    return {q: np.concatenate([b[q][0] for b in values]) for q in QUANTITIES}
 
 
 def seen(ref, quantity: str, times_attainable: float) -> bool:

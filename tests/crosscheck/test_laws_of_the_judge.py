@@ -248,11 +248,11 @@ def test_a_budget_is_as_loose_as_its_largest_component_at_each_time():
     ref = solved()
     budget, moved = ref.budget(), attainable_by_inputs(ref, [0, 1])
     for quantity, attainable in zip(QUANTITIES, moved, strict=True):
-        allowed, values = budget.levels[QUANTITIES.index(quantity)], sharpness(ref, [0, 1])[quantity]
+        allowed, (largest, smallest) = budget.levels[QUANTITIES.index(quantity)], sharpness(ref, [0, 1])[quantity]
         expected = [max(allowed[:, k]) / max(attainable[:, k]) for k in (0, 1)]
 
-        assert values.largest == pytest.approx(expected)
-        assert np.all(values.smallest <= [min(allowed[:, k] / np.maximum(attainable[:, k], 1e-300)) for k in (0, 1)])
+        assert largest == pytest.approx(expected)
+        assert np.all(smallest <= [min(allowed[:, k] / np.maximum(attainable[:, k], 1e-300)) for k in (0, 1)])
 
 
 @pytest.mark.parametrize("crank", [1.0, 0.02])

@@ -134,9 +134,9 @@ FAULTS = {
         lambda f: lambda self, c, length, gap: f(self, c, replace(length, constant=length.constant + 1e-9), gap),
     ),
     "a constant angle the wrong way round": (
-        chains.KnownAngle,
-        "carry",
-        lambda f: lambda self, body, angle: f(self, self.j, angle),
+        chains,
+        "_carried",
+        lambda f: lambda e, body, angle: f(e, e.body_j, angle),
     ),
 }
 

@@ -38,7 +38,7 @@ from crosscheck.engines.closed_form.space_vectors import (
     least_squares,
     together,
 )
-from crosscheck.engines.spatial.reading import Given, given, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, MEETING, Given, given, numbers_of
 from crosscheck.engines.spatial.turning import matrix
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -46,9 +46,6 @@ from refkin.model import Scene
 ALIKE = 1e-10
 """Conditions whose coefficients are smaller than this part of a size say nothing; two whose directions differ by less
 than its root say the same."""
-MEET = ("spherical", "revolute", "universal", "fixed")
-AXIAL = ("revolute", "cylindrical", "prismatic", "screw", "fixed", "parallel")
-"""Joints that hold two axes parallel."""
 CROSSED = ("universal", "perpendicular")
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
 
@@ -273,7 +270,7 @@ class Assembly:
         point, there = turning.point(tie.points[side]), base.point(tie.points[1 - side])
         if tie.kind == "distance":
             yield point.on_sphere(there, tie.length)
-        if tie.kind in MEET:
+        if tie.kind in MEETING:
             for axis in (base.x, base.y, base.z):
                 yield point.in_plane(axis, axis.dot(there))
         if tie.frames[0] is None:
@@ -294,7 +291,7 @@ class Assembly:
         for far in self.ties:
             if far is tie or link not in far.bodies or far.other(link) not in self.placed:
                 continue
-            if tie.kind not in MEET or far.kind not in MEET:
+            if tie.kind not in MEETING or far.kind not in MEETING:
                 continue
             base, mine, its = self.placed[far.other(link)], tie.side(link), far.side(link)
             point, there = turning.point(tie.points[side]), base.point(far.points[1 - its])
@@ -341,10 +338,10 @@ class Assembly:
         point = frame.point(tie.points[side])
         if tie.kind == "distance" and other in self.placed:
             yield point, self.placed[other].point(tie.points[1 - side]), tie.length
-        if tie.kind not in MEET or other in self.placed:
+        if tie.kind not in MEETING or other in self.placed:
             return
         for far in self.ties:
-            if far is not tie and other in far.bodies and far.kind in MEET and far.other(other) in self.placed:
+            if far is not tie and other in far.bodies and far.kind in MEETING and far.other(other) in self.placed:
                 arm = tie.points[tie.side(other)] - far.points[far.side(other)]
                 there = self.placed[far.other(other)].point(far.points[1 - far.side(other)])
                 yield point, there, arm.dot(arm).sqrt()
@@ -367,7 +364,7 @@ class Assembly:
 
     def _known(self, tie: Tie, body: str) -> Vector | None:
         """Return where a joint's point on a body is, if the other body, or that point of it, is placed."""
-        if tie.kind not in MEET:
+        if tie.kind not in MEETING:
             return None
         other = tie.other(body)
         if other in self.placed:

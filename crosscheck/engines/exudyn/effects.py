@@ -5,7 +5,7 @@ exudyn simulates what is added and nothing else. Forces are in the model's own u
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import exudyn as exu
@@ -35,31 +35,16 @@ def _gravity(b: Builder) -> None:
         b.mbs.AddLoad(item.LoadMassProportional(markerNumber=weight, loadVector=[0.0, -9.81, 0.0]))
 
 
-def _on_angles(b: Builder, kind: Any, **numbers: Any) -> None:
-    """Add a force between the angle of each body and the ground."""
-    for name, _ in _bodies(b):
-        b.mbs.AddObject(kind(markerNumbers=[b.still, b.angle(name)], **numbers))
+def _on_angles(kind: Any, start: Sequence[float] = (), **numbers: Any) -> Callable[[Builder], None]:
+    """Return what adds a force between the angle of each body and the ground, with data of its own that start so."""
 
+    def add(b: Builder) -> None:
+        for name, _ in _bodies(b):
+            data = item.NodeGenericData(initialCoordinates=list(start), numberOfDataCoordinates=len(start))
+            state = {"nodeNumber": b.mbs.AddNode(data)} if start else {}
+            b.mbs.AddObject(kind(markerNumbers=[b.still, b.angle(name)], **state, **numbers))
 
-def _contact(b: Builder) -> None:
-    for name, _ in _bodies(b):
-        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0], numberOfDataCoordinates=1))
-        markers = [b.still, b.angle(name)]
-        touch = {"contactStiffness": 1.0, "offset": 10.0}
-        b.mbs.AddObject(item.ObjectContactCoordinate(markerNumbers=markers, nodeNumber=state, **touch))
-
-
-def _friction(b: Builder) -> None:
-    _on_angles(b, item.CoordinateSpringDamperExt, dynamicFrictionForce=1.0, frictionProportionalZone=1e-3)
-
-
-def _limits(b: Builder) -> None:
-    """Add stops that are hit from the start: exudyn finds out after a step only, and Newton alone makes none."""
-    stops = {"limitStopsLower": -1e-3, "limitStopsUpper": 1e-3, "limitStopsStiffness": 10.0}
-    for name, _ in _bodies(b):
-        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0, 0.0, 1.0], numberOfDataCoordinates=3))
-        ends = {"markerNumbers": [b.still, b.angle(name)], "nodeNumber": state}
-        b.mbs.AddObject(item.CoordinateSpringDamperExt(useLimitStops=True, **ends, **stops))
+    return add
 
 
 def _actuation(b: Builder) -> None:
@@ -73,14 +58,24 @@ def _sensors(b: Builder) -> None:
         b.mbs.AddSensor(item.SensorBody(bodyNumber=number, **what))
 
 
+STOPS = {"useLimitStops": True, "limitStopsLower": -1e-3, "limitStopsUpper": 1e-3, "limitStopsStiffness": 10.0}
+"""They are hit from the start: exudyn finds out after a step only, and Newton alone makes none."""
 EFFECTS = {
     "gravity": Switch(f"masses of {MASS:g} and 9.81 down the y axis", _gravity),
-    "contact": Switch("the angle of each body pressed against a stop of stiffness 1", _contact),
-    "friction": Switch("a friction torque of 1 on each body", _friction),
-    "joint limits": Switch("stops of stiffness 10 at angles of 1e-3", _limits),
+    "contact": Switch(
+        "the angle of each body pressed against a stop of stiffness 1",
+        _on_angles(item.ObjectContactCoordinate, [0.0], contactStiffness=1.0, offset=10.0),
+    ),
+    "friction": Switch(
+        "a friction torque of 1 on each body",
+        _on_angles(item.CoordinateSpringDamperExt, dynamicFrictionForce=1.0, frictionProportionalZone=1e-3),
+    ),
+    "joint limits": Switch(
+        "stops of stiffness 10 at angles of 1e-3", _on_angles(item.CoordinateSpringDamperExt, [0.0, 0.0, 1.0], **STOPS)
+    ),
     "passive forces": Switch(
         "stiffness 10 and damping 1 on each body's angle",
-        lambda b: _on_angles(b, item.CoordinateSpringDamper, stiffness=10.0, damping=1.0),
+        _on_angles(item.CoordinateSpringDamper, stiffness=10.0, damping=1.0),
     ),
     "actuation": Switch("a torque of 10 on each body", _actuation),
     "sensors": Switch("a sensor of position on each body, stored", _sensors),

@@ -21,7 +21,6 @@ from crosscheck.engines import (
     Capabilities,
     Capability,
     ConstraintModel,
-    EngineError,
     Level,
     SimulatingAdapter,
     Support,
@@ -126,7 +125,6 @@ class Exudyn(SimulatingAdapter):
             return nodes
         if self._stop is None or self._stop[0] is not scene:
             refuse_joints(self, scene, route, self.routes())
-            _refuse_lost(scene)
             with closing(self._model(scene, SHIPPED)) as model:
                 self._stop = scene, model.stop(scene)
         return self._stop[1], *nodes
@@ -155,7 +153,6 @@ class Exudyn(SimulatingAdapter):
         """
         route = STATIC if route is None else route
         refuse_joints(self, scene, route, (*self.routes(), *FEATURES))
-        _refuse_lost(scene)
         if route == INITIAL and not in_space(scene.mechanism):
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
@@ -164,12 +161,6 @@ class Exudyn(SimulatingAdapter):
             if route == SHIPPED:
                 self._stop = scene, model.stop(scene)
             return model.solve(scene, producer)
-
-
-def _refuse_lost(scene: Scene) -> None:
-    lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
-    if lost:
-        raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
 
 
 class PlaneModel:

@@ -18,7 +18,6 @@ import numpy as np
 from crosscheck.engines import Array, EngineError, route_by
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import StaticNewton, rates_here
-from crosscheck.engines.features import produced
 from refkin.joints import PointDistance, Unit, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Status
@@ -125,7 +124,7 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
             qdd[:, k] = _initial(model, q, qd, scene.times[k]) * scale
     finally:
         model.close()
-    return replace(motion, qdd=qdd, producer=produced(motion, INITIAL))
+    return replace(motion, qdd=qdd, producer=replace(motion.producer, route=INITIAL))
 
 
 def _initial(model: ExudynModel, q: Array, qd: Array, t: float) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import EngineError, EngineRefusal, Level, refusals
+from crosscheck.engines import EngineError, EngineRefusal, Level, refusals, refuse
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
@@ -83,11 +83,8 @@ def _method(name: str, setting: str, build: Callable[[Scene], Model], note: str,
 
 
 def _checked(scene: Scene) -> Scene:
-    """Return a scene that exudyn can express, with an estimate of each body; raise EngineError if it is none."""
-    reasons = refusals(Exudyn(), scene, Level.SOLVE)
-    reasons += [f"no estimate to start from: {b.name}" for b in scene.mechanism.bodies if b.estimate is None]
-    if reasons:
-        raise EngineError("; ".join(reasons))
+    """Return a scene of the plane that exudyn can express; raise EngineRefusal if it is none."""
+    refuse(refusals(Exudyn(), scene, Level.SOLVE))
     if in_space(scene.mechanism):
         raise EngineRefusal("exudyn refuses this method in space: it is written for the plane")
     return scene

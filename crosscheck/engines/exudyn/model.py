@@ -11,7 +11,7 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import Array, EngineError, EngineRefusal
-from crosscheck.engines.exudyn.parts import Block, Builder, Clock
+from crosscheck.engines.exudyn.parts import Builder, Clock
 from crosscheck.engines.frames import RowMap
 from refkin.joints import SI, Constraint, Unit
 from refkin.model import Body
@@ -185,7 +185,11 @@ class ExudynModel(ExudynSystem):
             if columns != [3 * k, 3 * k + 1, 3 * k + 2]:
                 raise EngineError(f"exudyn keeps the coordinates of body {body.name!r} in columns {columns}")
         self.blocks = [(list(data.GetObjectLTGAE(b.item))[: len(b.maps)], b) for b in builder.blocks]
-        self.rows: Sequence[RowMap] = tuple(row for rows, block in self.blocks for row in _row_maps(rows, block))
+        self.rows: Sequence[RowMap] = tuple(
+            RowMap(constraint=b.constraint, row=b.first + k, engine_row=row, factor=factor, form=form)
+            for rows, b in self.blocks
+            for k, (row, (factor, form)) in enumerate(zip(rows, b.maps, strict=True))
+        )
         self.live = [row.engine_row for row in self.rows]
         self.read = builder.read
         self._driven = [(rows[0], b, b.cylinder) for rows, b in self.blocks if b.cylinder is not None]
@@ -293,13 +297,6 @@ def bear_redundant_rows(settings: Any) -> None:
     """Choose a linear solver that bears redundant rows: exudyn's default stops at their matrix."""
     settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
     settings.linearSolver.ignoreSingularJacobian = True
-
-
-def _row_maps(engine_rows: list[int], block: Block) -> list[RowMap]:
-    return [
-        RowMap(constraint=block.constraint, row=block.first + k, engine_row=engine_row, factor=factor, form=form)
-        for k, (engine_row, (factor, form)) in enumerate(zip(engine_rows, block.maps, strict=True))
-    ]
 
 
 def _first_line(error: Exception) -> str:

@@ -300,8 +300,16 @@ class ExudynEquations(OwnSolver):
         return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))
 
 
+def refuse_without_estimates(scene: Scene) -> None:
+    """Raise EngineError if a body has no estimate: exudyn needs a start."""
+    lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
+    if lost:
+        raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
+
+
 def start_of(scene: Scene, unit: Unit) -> Array:
-    """Return the estimates of all bodies (3 b,) in a unit."""
+    """Return the estimates of all bodies (3 b,) in a unit; EngineError if there is none of one."""
+    refuse_without_estimates(scene)
     start = np.array([body.estimate for body in scene.mechanism.bodies], float)
     start[:, :2] = (start[:, :2] - unit.origin) / unit.size
     return start.ravel()

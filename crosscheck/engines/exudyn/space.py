@@ -63,7 +63,7 @@ from refkin.model import Mechanism
 
 Array = Any
 F, G, H = 0, 1, 2
-HELD = {(F, H): 4, (G, H): 3, (F, G): 5}
+HELD = {(F, H): 4, (G, H): 3, (F, G): 5, (H, H): 5}
 """Which axis of a generic joint holds f, g or h of i across one of j."""
 SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
 ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
@@ -100,21 +100,20 @@ Readings = dict[tuple[str, Any, tuple[float, ...]], Array]
 
 @dataclass(frozen=True)
 class Line:
-    """One row: where it is in exudyn, what of a joint it says, and the factor by which ours becomes it.
+    """One row of ours: what of a joint it says, which of an exudyn object's rows it is, and by which factor.
 
     `what` is ("d", component), ("dot", a, b), ("along", a), ("length",), or ("turned",) of a driven angle; `drive`
-    moves it by a
-    law.
+    moves it by a law.
     """
 
     hold: Hold
     what: tuple[Any, ...]
     row: int
     name: str
+    object: Any
     own: int
     factor: float = 1.0
     drive: Drive | None = None
-    object: Any = None
     marker: Any = None
 
 
@@ -135,15 +134,14 @@ class ExudynSpace(ExudynSystem):
             node = self.mbs.AddNode(item.NodeRigidBodyEP(referenceCoordinates=STILL.tolist()))
             rigid = item.ObjectRigidBody(nodeNumber=node, mass=0.0, inertia=[0.0] * 6)
             self.bodies[body] = self.mbs.AddObject(rigid)
-        self._parts: list[tuple[Any, int, Line]] = []
+        self.lines: list[Line] = []
         for hold in holds:
             self._joint(hold)
         for drive in drives:
             self._driver(drive)
         self.mbs.Assemble()
         self.begin(redundant=True)  # rows may depend on each other, spins idle
-        self.lines = [line for _, _, line in self._parts]
-        self.live = [list(self.data.GetObjectLTGAE(number))[k] for number, k, _ in self._parts]
+        self.live = [list(self.data.GetObjectLTGAE(line.object))[line.own] for line in self.lines]
         self.driven = [(k, line, line.drive) for k, line in enumerate(self.lines) if line.drive is not None]
         self.t, self.f = np.nan, [np.nan] * len(self.driven)
         self.still, self.no_forces = np.tile(STILL, len(numbers.bodies)), np.zeros(self.m)
@@ -156,25 +154,18 @@ class ExudynSpace(ExudynSystem):
     def _marker(self, body: str, u: Any) -> Any:
         return self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=self.bodies[body], localPosition=list(map(float, u))))
 
-    def _generic(self, hold: Hold, axis: int, i: Any = None, j: Any = None) -> tuple[Any, Any]:
-        """Add a generic joint that holds one axis; return it and its marker on body i."""
-        held, markers = [int(k == axis) for k in range(6)], self._markers(hold)
-        frames = {
-            "rotationMarker0": hold.frame_i if i is None else i,
-            "rotationMarker1": hold.frame_j if j is None else j,
-        }
-        joint = item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames)
-        return self.mbs.AddObject(joint), markers[0]
+    def _generic(self, markers: list[Any], axis: int, i: Any, j: Any) -> Any:
+        """Add a generic joint that holds one axis, between the frames i and j of markers."""
+        held, frames = [int(k == axis) for k in range(6)], {"rotationMarker0": i, "rotationMarker1": j}
+        return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
     def _joint(self, hold: Hold) -> None:
         if hold.kind == SCREW:
             raise EngineRefusal(f"exudyn refuses screw {hold.name!r}: it has no screw joint")
-        row = hold.row
+        first = len(self.lines) - hold.row
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
-            nonlocal row
-            self._parts.append((number, own, Line(hold, what, row, hold.name, own, factor)))
-            row += 1
+            self.lines.append(Line(hold, what, len(self.lines) - first, hold.name, number, own, factor))
 
         if hold.kind == REVOLUTE:
             frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
@@ -192,29 +183,26 @@ class ExudynSpace(ExudynSystem):
             rod = item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=hold.length)
             add(self.mbs.AddObject(rod), 0, ("length",))
         for what in ROWS.get(hold.kind, ()):
-            if what == ("dot", H, H):
-                crossed = self._generic(hold, 5, hold.frame_i[:, [H, F, G]], hold.frame_j[:, [G, H, F]])
-                add(crossed[0], 5, what)
-            else:
-                own = HELD[what[1:]] if what[0] == "dot" else what[1]
-                add(self._generic(hold, own)[0], own, what)
+            own, i, j = HELD[what[1:]] if what[0] == "dot" else what[1], hold.frame_i, hold.frame_j
+            if what == CROSSED:
+                i, j = i[:, [H, F, G]], j[:, [G, H, F]]
+            add(self._generic(self._markers(hold), own, i, j), own, what)
 
     def _driver(self, drive: Drive) -> None:
         hold = drive.hold
+        markers = self._markers(hold)
         if drive.kind == DISTANCE:
-            rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=1.0))
-            line = Line(hold, ("length",), 0, drive.name, 0, 1.0, drive, rod)
+            rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
+            line = Line(hold, ("length",), 0, drive.name, rod, 0, 1.0, drive)
         elif drive.kind == ANGLE:
-            frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
-            held: dict[str, Any] = {"markerNumbers": self._markers(hold)[::-1], "constrainedAxes": [0, 0, 0, 0, 0, 1]}
-            joint = self.mbs.AddObject(item.ObjectJointGeneric(**held, **frames))
-            line = Line(hold, ("turned",), 0, drive.name, 5, 1.0, drive, joint)
+            joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
+            line = Line(hold, ("turned",), 0, drive.name, joint, 5, 1.0, drive)
         elif drive.kind == DISPLACEMENT:
-            joint, marker = self._generic(hold, 2)
-            line = Line(hold, ("along", H), 0, drive.name, 2, 1.0, drive, joint, marker)
+            joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
+            line = Line(hold, ("along", H), 0, drive.name, joint, 2, 1.0, drive, markers[0])
         else:
             raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
-        self._parts.append((line.object, line.own, line))
+        self.lines.append(line)
 
     # states
 
@@ -274,10 +262,10 @@ class ExudynSpace(ExudynSystem):
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return the rates of its rows (m,), with what laws add."""
         self.set_state(q, t, qd)
-        return self.times_lengths(self.equations(of_velocity=True))[self.live] + self.law_rates(q, t)
+        return self.times_lengths(self.equations(of_velocity=True))[self.live] + self.law_rates(t)
 
-    def law_rates(self, q: Array, t: float) -> Array:
-        """Return what laws add to the rates of rows (m,) at a configuration: exudyn knows no rate of what is set."""
+    def law_rates(self, t: float) -> Array:
+        """Return what laws add to the rates of rows (m,) where it stands: exudyn knows no rate of what is set."""
         out = np.zeros(len(self.lines))
         for f, (k, line, drive) in zip(self.f, self.driven, strict=True):
             fd = law_value(drive, t, 1)

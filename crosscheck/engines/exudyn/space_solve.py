@@ -15,7 +15,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
-from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, stopping_rule
+from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
@@ -44,11 +44,8 @@ class SpaceModel:
 
     def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
         self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped
-        start = estimates(scene, self.numbers)
-        lost = [body for body, at in start.items() if at is None]
-        if lost:
-            raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
-        self.start = np.concatenate([start[body] for body in self.numbers.bodies])
+        refuse_without_estimates(scene)
+        self.start = np.concatenate([*estimates(scene, self.numbers).values()])
         self.model = ExudynSpace(self.numbers, self.numbers.holds, self.numbers.drives)
 
     def close(self) -> None:
@@ -113,11 +110,11 @@ class SpaceEquations(OwnSolver):
 
     def nu(self, q: Array, t: Array) -> Array:
         """Return the right sides of the velocities (B, m)."""
-        return np.array([self._with_own(-self._law_rates(*each)) for each in zip(q, t.tolist(), strict=True)])
-
-    def _law_rates(self, q: Array, t: float) -> Array:
-        self.model.set_state(q, t, np.zeros(self.model.n))
-        return self.model.law_rates(q, t)
+        out = []
+        for each in zip(q, t.tolist(), strict=True):
+            self.model.set_state(*each)
+            out.append(self._with_own(-self.model.law_rates(each[1])))
+        return np.array(out)
 
     def _with_own(self, right: Array, qd: Any = None) -> Array:
         bodies = len(self.numbers.bodies)

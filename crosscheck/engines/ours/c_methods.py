@@ -68,7 +68,9 @@ def _function(source: str, name: str, **generated: str) -> Any:
 
 
 class _Call:
-    """A kernel with its arguments laid out."""
+    """A kernel with its arguments laid out; `more` numbers than those of mechanisms and times."""
+
+    more: tuple[int, ...] = ()
 
     def __init__(self, work: FourBars, function: Any) -> None:
         self.work, self.function = work, function
@@ -83,10 +85,8 @@ class _Call:
         return tuple(np.moveaxis(out[:, :, 9 * k : 9 * k + 9], 2, 0) for k in range(3))
 
     def called(self, geometry: Any, starts: Any, keep: bool, out: Any) -> None:
-        numbers = (len(geometry), len(self.t))
-        self.function(
-            *map(LONG, numbers), *map(row_of, (geometry, starts, self.t)), DOUBLE(SPEED), int(keep), row_of(out)
-        )
+        numbers = map(LONG, (len(geometry), len(self.t), *self.more))
+        self.function(*numbers, *map(row_of, (geometry, starts, self.t)), DOUBLE(SPEED), int(keep), row_of(out))
 
     def batch(self) -> Batch:
         """Return what is timed: some mechanisms; all are answered."""
@@ -109,6 +109,7 @@ class _ProgramCall(_Call):
     def __init__(self, work: FourBars, function: Any, program: Any, core: tuple[int, ...]) -> None:
         super().__init__(work, function)
         self.places, self.core = [place for _, place in geometry_of(program)], list(core)
+        self.more = (len(self.places),)
 
     def arguments(self, mechanisms: Any) -> tuple[Any, Any]:
         system = system_of(self.work, mechanisms)
@@ -119,9 +120,3 @@ class _ProgramCall(_Call):
         system = system_of(self.work, np.repeat(mechanisms, len(self.t)))
         scaled = super().answers(mechanisms, out)
         return tuple(system.to_physical(x.reshape(9, -1), order).reshape(x.shape) for order, x in enumerate(scaled))
-
-    def called(self, geometry: Any, starts: Any, keep: bool, out: Any) -> None:
-        numbers = (*geometry.shape[:1], len(self.t), geometry.shape[1])
-        self.function(
-            *map(LONG, numbers), *map(row_of, (geometry, starts, self.t)), DOUBLE(SPEED), int(keep), row_of(out)
-        )

@@ -15,16 +15,14 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch
 from crosscheck.engines.ours.c_kernels import library, row_of
 from crosscheck.engines.ours.c_program import emitted, geometry_of
-from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated
+from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated, refuse_longer
 from crosscheck.scenes.workloads import Chain, Workload
 from refkin.joints import GROUND
 from refkin.model import Scene
 from refkin.system import System, compile_system
 
-LONGEST = {
-    "program": (100, "to lay the program out, and to compile it, would take minutes"),
-    "dense": (1000, "its dense matrix would take 29 GB"),
-}
+OF_PROGRAM = 100, "to lay the program out, and to compile it, would take minutes"
+OF_DENSE = 1000, "its dense matrix would take 29 GB"
 """The longest chain that a method is asked for, and why not for longer ones."""
 REPEATED = 100
 """So many iterations are one call of a function in C, whose own cost is then nothing."""
@@ -34,18 +32,16 @@ def sparse(workload: Workload, order: int) -> Batch:
     """Return the sparse path."""
     if not isinstance(workload, Chain):
         raise EngineError("made for chains")
-    try:
-        from refkin.fast import SparseSystem
-        from refkin.fast.sparse import factors
-    except ImportError as error:
-        raise EngineError(f"no fast paths here: {error}") from error
+    from refkin.fast import SparseSystem  # here: the methods in C do without the fast paths
+    from refkin.fast.sparse import factors
+
     system, t = SparseSystem(_system(workload)), workload.scene.times[0]
     return iterated(workload, system.system, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
 
 
 def by_program(work: Chain) -> Batch:
     """Return the fast path's program, on a single sample."""
-    _refuse_longer(work, "program")
+    refuse_longer(work, *OF_PROGRAM)
     program, core = program_of(replace(work.scene, effects=frozenset()))
     from refkin.fast.elimination.run import Workspace
 
@@ -70,7 +66,7 @@ def by_program(work: Chain) -> Batch:
 
 def same_program(work: Chain) -> Batch:
     """Return the fast path's program, compiled."""
-    _refuse_longer(work, "program")
+    refuse_longer(work, *OF_PROGRAM)
     program, core = program_of(replace(work.scene, effects=frozenset()))
     function = library("program.c", program=emitted(program)).program_newton
     function.restype = ctypes.c_double
@@ -92,7 +88,7 @@ def same_program(work: Chain) -> Batch:
 
 def dense_c(work: Chain) -> Batch:
     """Return dense Newton in C."""
-    _refuse_longer(work, "dense")
+    refuse_longer(work, *OF_DENSE)
     function = library("dense_chain.c").chain_newton
     function.restype = ctypes.c_double
     mechanism, n = work.scene.mechanism, len(work.start)
@@ -127,9 +123,3 @@ def program_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
 def _system(work: Chain) -> System:
     mechanism = work.scene.mechanism
     return compile_system(mechanism, unit=mechanism.unit())
-
-
-def _refuse_longer(work: Chain, name: str) -> None:
-    longest, reason = LONGEST[name]
-    if work.windows > longest:
-        raise EngineError(f"not for more than {longest} loops: {reason}")

@@ -15,6 +15,9 @@ from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.lanes import Lanes
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload
 from crosscheck.scenes.workloads_space import SpatialLoops
+from refkin.fast import attempt, solve_many
+from refkin.fast.compiled import forget
+from refkin.fast.prepare import prepared
 from refkin.model import Evidence, Scene
 
 ENGINE = "refkin-lanes"
@@ -54,20 +57,7 @@ def methods() -> Iterator[Method]:
     )
 
 
-def fast() -> Any:
-    """Return the package of the fast paths; raises EngineError if it was deleted: nothing else needs it."""
-    try:
-        import refkin.fast as package
-    except ImportError as error:
-        raise EngineError(f"no fast paths here: {error}") from error
-    return package
-
-
 def _compiled(evidence: frozenset[Evidence], scene: Scene, *, anew: bool = True) -> Model:
-    attempt = fast().attempt
-    from refkin.fast.compiled import forget
-    from refkin.fast.prepare import prepared
-
     if anew:
         forget()  # so that building the model is what it is for a topology that nobody has used yet
     plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
@@ -102,12 +92,11 @@ def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> B
 
 
 def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
-    package = fast()
     scene = replace(work.scene(), effects=ORDERS[order], evidence=evidence)
 
     def solved(part: FourBars, reducer: Callable[[Any], Any]) -> Any:
         estimates = {body: part.starts[3 * k : 3 * k + 3] for k, body in enumerate(scene.wanted)}
-        return package.solve_many(scene, part.geometry, estimates, reducer=reducer)
+        return solve_many(scene, part.geometry, estimates, reducer=reducer)
 
     def pieces() -> Iterator[Piece]:
         for first in range(0, work.mechanisms, COUNTED):

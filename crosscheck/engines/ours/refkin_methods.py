@@ -56,6 +56,13 @@ class Problem:
         system = self.system
         return [system.to_physical(level, order)[: system.of_bodies] for order, level in enumerate(levels)]
 
+    def poses(self, step: Callable[[Any, float], Any]) -> Any:
+        """Return what a step makes of the last pose at each time, (n, T)."""
+        q, poses = self.start, np.empty((self.system.n, len(self.times)))
+        for k, t in enumerate(self.times):
+            q = poses[:, k] = step(q, t)
+        return poses
+
     def rates(self, q: Any, order: int) -> list[Any]:
         """Return velocity and acceleration up to an order, all times at once, by the analytic Jacobian."""
         levels: list[Any] = []
@@ -114,10 +121,6 @@ def _never(residual: Any, correction: Any, q: Any) -> bool:
     return False
 
 
-def _at(function: Callable[[Any, float], Any], t: float, q: Any) -> Any:
-    return function(q, t)
-
-
 def _analytic(system: System, q: Any, t: float) -> Any:
     return system.phi_q(q, t)
 
@@ -128,12 +131,12 @@ def _by_differences(scheme: Scheme, system: System, q: Any, t: float) -> Any:
 
 def _swept(given: Problem, rule: Callable[[], Any], order: int, *, slope: Slope = _analytic, **options: Any) -> Any:
     """Solve time by time, each started at the last pose; then the rates up to an order."""
-    system, q = given.system, given.start
-    poses = np.empty((system.n, len(given.times)))
-    for k, t in enumerate(given.times):
-        phi, phi_q = partial(_at, system.phi, t), partial(_at, partial(slope, system), t)
-        result = newton(phi, phi_q, q, stop=rule(), **options)
-        q = poses[:, k] = result.q
+    system = given.system
+
+    def step(q: Any, t: float) -> Any:
+        return newton(lambda x: system.phi(x, t), lambda x: slope(system, x, t), q, stop=rule(), **options).q
+
+    poses = given.poses(step)
     if slope is _analytic:
         return [poses, *given.rates(poses, order)]
     return [poses, *_rates_by(slope, given, poses, order)]
@@ -204,11 +207,16 @@ def _solved_in_turn(evidence: frozenset[Evidence], workload: Workload, order: in
 def _dense_chain(workload: Workload, order: int) -> Batch:
     if not isinstance(workload, Chain):
         raise EngineError("made for chains")
-    if workload.windows > LONGEST:
-        raise EngineError(f"not for more than {LONGEST} loops: a dense solve in Python takes seconds there")
+    refuse_longer(workload, LONGEST, "a dense solve in Python takes seconds there")
     mechanism, t = workload.scene.mechanism, workload.scene.times[0]
     system = compile_system(mechanism, unit=mechanism.unit())
     return iterated(workload, system, lambda q: q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t)))
+
+
+def refuse_longer(work: Chain, longest: int, reason: str) -> None:
+    """Raise EngineError if a chain has more loops than a method is asked for."""
+    if work.windows > longest:
+        raise EngineError(f"not for more than {longest} loops: {reason}")
 
 
 def iterated(work: Chain, system: System, step: Callable[[Any], Any]) -> Batch:

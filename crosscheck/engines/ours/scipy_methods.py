@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-import numpy as np
 from scipy.optimize import least_squares, root
 
 from crosscheck.engines import EngineError
@@ -54,14 +53,12 @@ def _built(step: Any, tolerance: float, scene: Scene) -> Model:
     given = problem(scene)
     if step is not _least_squares and given.system.m != given.system.n:
         raise EngineError("it takes as many equations as unknowns")
-    return Model(partial(_swept, given, partial(step, given, tolerance)), given.read)
 
+    def solve(order: int) -> Any:
+        poses = given.poses(partial(step, given, tolerance))
+        return [poses, *given.rates(poses, order)]
 
-def _swept(given: Problem, step: Any, order: int) -> Any:
-    q, poses = given.start, np.empty((given.system.n, len(given.times)))
-    for k, t in enumerate(given.times):
-        q = poses[:, k] = step(q, t)
-    return [poses, *given.rates(poses, order)]
+    return Model(solve, given.read)
 
 
 def _root(given: Problem, tolerance: float, q: Any, t: float, analytic: bool = True) -> Any:

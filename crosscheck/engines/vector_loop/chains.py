@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -152,50 +152,15 @@ class VectorChains:
         return Variable(unknown=name)
 
 
-@dataclass(frozen=True)
-class KnownAngle:
-    """phi_j = phi_i + value."""
-
-    name: str
-    i: str
-    j: str
-    value: Variable
-
-    def other(self, body: str) -> str | None:
-        """Return the body whose angle this one gives, if any."""
-        return self.j if body == self.i else self.i if body == self.j else None
-
-    def carry(self, body: str, angle: Variable) -> Variable:
-        """Return the angle of the other body from that of `body`."""
-        sign = 1.0 if body == self.i else -1.0
-        laws = tuple((sign * factor, law) for factor, law in self.value.laws)
-        return Variable(angle.constant + sign * self.value.constant, angle.unknown, (*angle.laws, *laws))
-
-
-@dataclass(frozen=True)
-class Families:
-    """The angle of each body, ground included; and the bodies that share an unknown, by its name."""
-
-    angles: Mapping[str, Variable]
-    members: Mapping[str, tuple[str, ...]]
-
-
-def known_angles(constraints: Sequence[joints.Constraint]) -> Iterator[KnownAngle]:
-    """Yield what joints and drivers say of two angles."""
-    for e in joints.elements_of(constraints):
-        if isinstance(e, joints.RelativeAngle):
-            yield KnownAngle(e.name, e.body_i, e.body_j, Variable(e.angle, laws=tuple((1.0, law) for law in e.laws)))
-
-
-def angle_families(mechanism: Mechanism) -> Families:
-    """Return the angles of a mechanism's bodies.
+def angle_families(mechanism: Mechanism) -> tuple[dict[str, Variable], dict[str, tuple[str, ...]]]:
+    """Return the angle of each body, ground included; and the bodies that share an unknown angle, by its name.
 
     Raises
     ------
     EngineError
         If the difference of two angles is given twice.
     """
-    left = list(known_angles(mechanism.constraints))
+    left = [e for e in joints.elements_of(mechanism.constraints) if isinstance(e, joints.RelativeAngle)]
     angles: dict[str, Variable] = {}
     members: dict[str, tuple[str, ...]] = {}
     for root in (joints.GROUND, *(body.name for body in mechanism.bodies)):
@@ -204,15 +169,20 @@ def angle_families(mechanism: Mechanism) -> Families:
         name = None if root == joints.GROUND else f"angle of {root}"
         angles[root], family = Variable(unknown=name), [root]
         for body in family:
-            for known in [known for known in left if known.other(body)]:
-                left.remove(known)
-                other = str(known.other(body))
+            for e in [e for e in left if body in e.bodies]:
+                left.remove(e)
+                other = e.body_j if body == e.body_i else e.body_i
                 if other in angles:
-                    raise EngineRefusal(
-                        f"vector_loop refuses {known.name!r}: redundant, the angle of {other!r} is given"
-                    )
-                angles[other] = known.carry(body, angles[body])
+                    raise EngineRefusal(f"vector_loop refuses {e.name!r}: redundant, the angle of {other!r} is given")
+                angles[other] = _carried(e, body, angles[body])
                 family.append(other)
         if name is not None:
             members[name] = tuple(family)
-    return Families(angles, members)
+    return angles, members
+
+
+def _carried(e: joints.RelativeAngle, body: str, angle: Variable) -> Variable:
+    """Return the angle of the other body from that of `body`, where phi_j = phi_i + what is given."""
+    sign = 1.0 if body == e.body_i else -1.0
+    laws = tuple((sign, law) for law in e.laws)
+    return Variable(angle.constant + sign * e.angle, angle.unknown, (*angle.laws, *laws))

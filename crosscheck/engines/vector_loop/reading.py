@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal
-from crosscheck.engines.vector_loop.chains import Estimates, Families, VectorChain, VectorChains, angle_families
+from crosscheck.engines.vector_loop.chains import Estimates, VectorChain, VectorChains, angle_families
 from crosscheck.engines.vector_loop.system import LoopSystem
 from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector, combined
 from refkin.joints import GROUND
@@ -60,23 +60,23 @@ def read(scene: Scene) -> Reading:
         If a joint makes no vector, a body hangs on nothing, there are more or fewer equations than unknowns, or an
         unknown has no estimate.
     """
-    families, estimates = angle_families(scene.mechanism), Estimates(scene)
-    chains = VectorChains(scene, families.angles, estimates)
-    positions, left = _tree(scene, chains.chains, families.angles)
+    (angles, families), estimates = angle_families(scene.mechanism), Estimates(scene)
+    chains = VectorChains(scene, angles, estimates)
+    positions, left = _tree(scene, chains.chains, angles)
     loops = []
     for chain in left:
-        out, back = (_point(positions, families.angles, c) for c in (chain, chain.turned_round()))
+        out, back = (_point(positions, angles, c) for c in (chain, chain.turned_round()))
         loops.append(combined([*out, *chain.gap, *(v.times(-1.0) for v in back)]))
     unknowns = _unknowns(scene, loops, chains)
     points = [(point.body, estimates.local(point.body, point.position)) for point in scene.points]
     rows = [positions[body] for body in scene.wanted]
-    rows += [combined([*positions[body], Vector(u, angle=families.angles[body])]) for body, u in points]
+    rows += [combined([*positions[body], Vector(u, angle=angles[body])]) for body, u in points]
     return Reading(
         system=LoopSystem(unknowns, loops, chains.relations),
-        q0=_guesses(scene, unknowns, families, chains, estimates),
+        q0=_guesses(scene, unknowns, angles, families, chains, estimates),
         places=Sums(rows, unknowns),
-        angles=Variables([families.angles[body] for body in scene.wanted], unknowns),
-        distance=_distance(scene, positions, families, unknowns, estimates),
+        angles=Variables([angles[body] for body in scene.wanted], unknowns),
+        distance=_distance(scene, positions, angles, unknowns, estimates),
         size=estimates.size,
         origin=estimates.origin,
     )
@@ -124,12 +124,17 @@ def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], chains: VectorCha
 
 
 def _guesses(
-    scene: Scene, unknowns: Sequence[str], families: Families, chains: VectorChains, estimates: Estimates
+    scene: Scene,
+    unknowns: Sequence[str],
+    angles: Mapping[str, Variable],
+    families: Mapping[str, Sequence[str]],
+    chains: VectorChains,
+    estimates: Estimates,
 ) -> Any:
     """Return the unknowns as the estimates have them; for a family of angles any member will do."""
     t0, guess_of = float(scene.times[0]), dict(chains.guesses)
-    for name, members in families.members.items():
-        apart = Variables([families.angles[body] for body in members], [name]).known(t0, 0)
+    for name, members in families.items():
+        apart = Variables([angles[body] for body in members], [name]).known(t0, 0)
         by_member = [estimates.frame(body)[1] - shift for body, shift in zip(members, apart, strict=True)]
         guess_of[name] = next((guess for guess in by_member if math.isfinite(guess)), math.nan)
     missing = [name for name in unknowns if not math.isfinite(guess_of[name])]
@@ -139,12 +144,12 @@ def _guesses(
 
 
 def _distance(
-    scene: Scene, positions: Positions, families: Families, unknowns: Sequence[str], estimates: Estimates
+    scene: Scene, positions: Positions, angles_of: Mapping[str, Variable], unknowns: Sequence[str], estimates: Estimates
 ) -> Callable[[Any], float]:
     t0 = float(scene.times[0])
     bodies = [body.name for body in scene.mechanism.bodies if body.estimate is not None]
     places = Sums([positions[body] for body in bodies], unknowns)
-    angles = Variables([families.angles[body] for body in bodies], unknowns)
+    angles = Variables([angles_of[body] for body in bodies], unknowns)
     there = [estimates.frame(body) for body in bodies]
 
     def distance(q: Any) -> float:

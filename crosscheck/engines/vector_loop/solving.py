@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.vector_loop.system import EPS, LoopSystem
+from crosscheck.engines.poses import CAP, EPS
+from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.newton import NewtonResult, NewtonStatus, newton
-
-CAP = 60
-"""Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
 
 
 @dataclass
@@ -93,9 +91,8 @@ class Minimum:
     Attributes
     ----------
     q, residual : (n,) array
-    sum_of_squares : float
     gap : float
-        Root of the sum: by how much the loops together stay open.
+        Root of the sum of squares: by how much the loops together stay open.
     """
 
     status: MinimumStatus
@@ -103,12 +100,8 @@ class Minimum:
     residual: Any
 
     @property
-    def sum_of_squares(self) -> float:
-        return float(self.residual @ self.residual)
-
-    @property
     def gap(self) -> float:
-        return float(np.sqrt(self.sum_of_squares))
+        return float(np.sqrt(self.residual @ self.residual))
 
 
 def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimum:

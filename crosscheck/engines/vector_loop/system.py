@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines.poses import EPS, solve
 from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -128,12 +127,12 @@ class LoopSystem:
         return -self._rows(second.real, second.imag, self._relation_values(0.0 * q, t, 2))
 
     def velocity(self, q: Any, t: Any = 0.0) -> Any:
-        """Return qd with phi_q qd = nu, in the shape of q."""
-        return solved(self.jacobian(q, t), self.nu(q, t))
+        """Return qd (n,) with phi_q qd = nu, NaN where phi_q is singular."""
+        return solve(self.jacobian(q, t)[None], self.nu(q, t)[None])[0]
 
     def acceleration(self, q: Any, qd: Any, t: Any = 0.0) -> Any:
-        """Return qdd with phi_q qdd = gamma, in the shape of q."""
-        return solved(self.jacobian(q, t), self.gamma(q, qd, t))
+        """Return qdd (n,) with phi_q qdd = gamma, NaN where phi_q is singular."""
+        return solve(self.jacobian(q, t)[None], self.gamma(q, qd, t)[None])[0]
 
     def rounding(self, q: Any, t: Any = 0.0) -> Any:
         """Return what rounding may leave of equations that are satisfied, (n,) or (n, T).
@@ -165,16 +164,3 @@ class LoopSystem:
         out = np.empty((loops + len(related), *x.shape[1:]), np.result_type(x, related))
         out[0:loops:2], out[1:loops:2], out[loops:] = x, y, related
         return out
-
-
-def solved(matrix: Any, right: Any) -> Any:
-    """Return x with matrix x = right: (n, n) and (n,), or (n, n, T) and (n, T); NaN where the matrix is singular."""
-    if matrix.ndim == 2:
-        return solved(matrix[:, :, None], right[:, None])[:, 0]
-    out = np.full(right.shape, np.nan, right.dtype)
-    for k in range(right.shape[1]):
-        try:
-            out[:, k] = np.linalg.solve(matrix[:, :, k], right[:, k])
-        except np.linalg.LinAlgError:
-            continue
-    return out
