@@ -316,21 +316,12 @@ class NewCase(Strict):
     note: str = ""
 
 
-@dataclass(frozen=True)
-class Unreadable:
+class Unreadable(ValueError):
     """A line that is no record, and why: the key, its value and what was expected; or a `torn` one, that is no JSON."""
 
-    line: int
-    reason: str
-    torn: bool
-
-
-class NoRecord(ValueError):
-    """Data that is no record; the message names the key, its value and what was expected. `torn`: it is no JSON."""
-
-    def __init__(self, reason: str, torn: bool = False) -> None:
+    def __init__(self, reason: str, torn: bool = False, line: int = 0) -> None:
         super().__init__(reason)
-        self.torn = torn
+        self.reason, self.torn, self.line = reason, torn, line
 
 
 @cache
@@ -358,13 +349,13 @@ def line_of(record: Record) -> bytes:
 
 
 def read_line(line: bytes | str) -> Record:
-    """Return the record of a line; raises NoRecord."""
+    """Return the record of a line; raises Unreadable."""
     try:
         record: Record = adapter(Record).validate_json(line)
     except ValidationError as error:
-        raise NoRecord(fault(error), error.errors()[0]["type"] == "json_invalid") from error
+        raise Unreadable(fault(error), error.errors()[0]["type"] == "json_invalid") from error
     if record.reference is None and record.failure is None:
-        raise NoRecord("reference: missing; expected one, or a failure")
+        raise Unreadable("reference: missing; expected one, or a failure")
     return record
 
 
@@ -421,5 +412,5 @@ def read_records(path: Path) -> Iterator[tuple[int, Record | Unreadable]]:
                 continue
             try:
                 yield number, read_line(line)
-            except NoRecord as error:
-                yield number, Unreadable(number, str(error), error.torn)
+            except Unreadable as error:
+                yield number, Unreadable(error.reason, error.torn, number)

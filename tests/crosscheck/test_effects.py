@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -379,7 +379,7 @@ def test_of_an_engine_that_fails_as_a_whole_every_effect_is_asked_alone_until_to
             if spec == "bad" and (not effect or effect in bad or not known):
                 yield ENDED if not effect else HUNG
             else:
-                yield [asdict(priced(1.0, 0.5, engine=f"{spec} named", effect=effect or "all"))]
+                yield [priced(1.0, 0.5, engine=f"{spec} named", effect=effect or "all")]
 
     monkeypatch.setattr(ledger, "call_in_turn", answered)
     there = effects_ledger(SCENE, ["bad"], 10.0, lambda *words: told.append(words))

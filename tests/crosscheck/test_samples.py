@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import QuantityComparison, compare, decades_of, reference
-from crosscheck.judge.records import Cause, Disagreement, NoRecord, line_of, read_line
+from crosscheck.judge.records import Cause, Disagreement, Unreadable, line_of, read_line
 from crosscheck.judge.samples import attainable_digits, by_decade, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.sections import worst_sample
@@ -110,9 +110,9 @@ def test_a_record_has_a_reference_or_a_failure_and_what_is_wrong_with_it_is_said
     empty = {key: [] for key in ("answers", "levels", "refusals", "disagreements")} | {"key": 16 * "0", "about": {}}
 
     assert read_line(json.dumps({**empty, "scene": "a", "failure": "crash"})).failure == "crash"
-    with pytest.raises(NoRecord, match=r"^reference: missing; expected one, or a failure$"):
+    with pytest.raises(Unreadable, match=r"^reference: missing; expected one, or a failure$"):
         read_line(json.dumps({**empty, "scene": "a"}))
-    with pytest.raises(NoRecord, match=r"^scene: missing; field required$"):
+    with pytest.raises(Unreadable, match=r"^scene: missing; field required$"):
         read_line(json.dumps(empty))
-    with pytest.raises(NoRecord, match=r"^scene: 3; input should be a valid string$"):
+    with pytest.raises(Unreadable, match=r"^scene: 3; input should be a valid string$"):
         read_line(json.dumps({**empty, "scene": 3}))

@@ -288,11 +288,7 @@ class Assembly:
 
     def _by_link(self, tie: Tie, side: int, link: str, turning: Turning) -> Iterator[Condition]:
         """Yield what a body between this one and a placed one says: the distance of its points, and of its axes."""
-        for far in self.ties:
-            if far is tie or link not in far.bodies or far.other(link) not in self.placed:
-                continue
-            if tie.kind not in MEETING or far.kind not in MEETING:
-                continue
+        for far in self._beyond(tie, link):
             base, mine, its = self.placed[far.other(link)], tie.side(link), far.side(link)
             point, there = turning.point(tie.points[side]), base.point(far.points[1 - its])
             arm = tie.points[mine] - far.points[its]
@@ -338,13 +334,17 @@ class Assembly:
         point = frame.point(tie.points[side])
         if tie.kind == "distance" and other in self.placed:
             yield point, self.placed[other].point(tie.points[1 - side]), tie.length
-        if tie.kind not in MEETING or other in self.placed:
+        if other in self.placed:
             return
-        for far in self.ties:
-            if far is not tie and other in far.bodies and far.kind in MEETING and far.other(other) in self.placed:
-                arm = tie.points[tie.side(other)] - far.points[far.side(other)]
-                there = self.placed[far.other(other)].point(far.points[1 - far.side(other)])
-                yield point, there, arm.dot(arm).sqrt()
+        for far in self._beyond(tie, other):
+            arm = tie.points[tie.side(other)] - far.points[far.side(other)]
+            there = self.placed[far.other(other)].point(far.points[1 - far.side(other)])
+            yield point, there, arm.dot(arm).sqrt()
+
+    def _beyond(self, tie: Tie, link: str) -> list[Tie]:
+        """Return the joints by whose point a body at the end of a tie hangs on a placed one, if the tie has a point."""
+        there = [t for t in self.ties if t is not tie and link in t.bodies and t.other(link) in self.placed]
+        return [far for far in there if tie.kind in MEETING and far.kind in MEETING]
 
     def _between_points(self, body: str) -> bool:
         """Place a body of which two points are known; one that nothing else holds is passive, and turned anyhow."""

@@ -24,21 +24,13 @@ TIMED = 1000
 
 def methods() -> Iterator[Method]:
     """Yield the methods in C, at the benchmark's workloads."""
-    yield _method("same program", _same_program, "the fast path's list of operations, compiled")
-    yield _method("dense Newton", _dense, "all equations, LU with partial pivoting; residual and branch checked")
-    yield _method("closed form", _closed_form, "two circles meet, differentiated twice; knows what a four-bar is")
-
-
-def _method(name: str, batch: Any, note: str) -> Method:
-    return Method(
-        engine="c",
-        name=name,
-        newton_by="C: pose after pose",
-        uses=frozenset({Use.BENCH}),
-        batch=batch,
-        at_once=True,
-        note=note,
-    )
+    for name, batch, note in (
+        ("same program", _same_program, "the fast path's list of operations, compiled"),
+        ("dense Newton", _dense, "all equations, LU with partial pivoting; residual and branch checked"),
+        ("closed form", _closed_form, "two circles meet, differentiated twice; knows what a four-bar is"),
+    ):
+        who: Any = {"engine": "c", "name": name, "newton_by": "C: pose after pose", "note": note}
+        yield Method(**who, uses=frozenset({Use.BENCH}), batch=batch, at_once=True)
 
 
 def _dense(workload: Workload, order: int) -> Batch:

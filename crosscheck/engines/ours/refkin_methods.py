@@ -46,7 +46,6 @@ Slope = Callable[[System, Any, float], Any]
 class Problem:
     """A scene as every Newton here meets it: scaled equations, and the estimate of the first pose."""
 
-    scene: Scene
     system: System
     start: Any
     times: tuple[float, ...]
@@ -83,7 +82,7 @@ def problem(scene: Scene) -> Problem:
     if lost:
         raise EngineError(f"no estimate to start from: {', '.join(lost)}")
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    return Problem(scene, system, estimate_of(system, scene), scene.times)
+    return Problem(system, estimate_of(system, scene), scene.times)
 
 
 def methods() -> Iterator[Method]:

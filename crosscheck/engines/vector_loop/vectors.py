@@ -96,16 +96,13 @@ class Variables:
             self._recent = (t, {})
         values = self._recent[1]
         if order not in values:
-            values[order] = self._known(t, order)
+            out = np.zeros((len(self.variables), *np.shape(t)), np.result_type(np.asarray(t), float))
+            if order == 0:
+                out.T[...] = self._constants
+            for k, factor, law in self._laws:
+                out[k] += factor * law(t, order)
+            values[order] = out
         return values[order]
-
-    def _known(self, t: Any, order: int) -> Any:
-        out = np.zeros((len(self.variables), *np.shape(t)), np.result_type(np.asarray(t), float))
-        if order == 0:
-            out.T[...] = self._constants
-        for k, factor, law in self._laws:
-            out[k] += factor * law(t, order)
-        return out
 
     def at(self, q: Any, t: Any, order: int = 0) -> Any:
         """Return the variables (order 0), or their derivative from the unknowns' derivative of that order."""
