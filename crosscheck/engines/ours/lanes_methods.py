@@ -15,9 +15,6 @@ from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.lanes import Lanes
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload
 from crosscheck.scenes.workloads_space import SpatialLoops
-from refkin.fast import attempt, solve_many
-from refkin.fast.compiled import forget
-from refkin.fast.prepare import prepared
 from refkin.model import Evidence, Scene
 
 ENGINE = "refkin-lanes"
@@ -58,6 +55,10 @@ def methods() -> Iterator[Method]:
 
 
 def _compiled(evidence: frozenset[Evidence], scene: Scene, *, anew: bool = True) -> Model:
+    from refkin.fast import attempt
+    from refkin.fast.compiled import forget
+    from refkin.fast.prepare import prepared
+
     if anew:
         forget()  # so that building the model is what it is for a topology that nobody has used yet
     plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
@@ -92,6 +93,8 @@ def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> B
 
 
 def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
+    from refkin.fast import solve_many
+
     scene = replace(work.scene(), effects=ORDERS[order], evidence=evidence)
 
     def solved(part: FourBars, reducer: Callable[[Any], Any]) -> Any:
