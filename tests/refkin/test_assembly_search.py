@@ -14,8 +14,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from refkin.newton import newton
-from refkin.proof.assembly.search import _Intervals, _Known
+from refkin.proof.assembly import search
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.search import _Intervals, _Known, closes, refined
 from refkin.proof.assembly.slopes import interval
+from refkin.system import compile_system
 from tests.drawn import Drawn
 
 from .assembly_cases import ROUND_OFF, cylinder, distance, four_bar, solved
@@ -257,3 +260,19 @@ def test_a_branch_is_known_where_all_of_it_is_as_near_a_root_as_that_is_alone_wh
         search = SimpleNamespace(names=["bar"], known=[root], system=system)
 
         assert _Intervals(search)._is_known(SimpleNamespace(poses={"bar": there})) is known
+
+
+@pytest.mark.parametrize(("off", "allowed", "closed"), [(0.0, 0.0, True), (1e-3, 0.0, False), (1e-3, 1e-2, True)])
+def test_a_pose_closes_if_its_residual_is_round_off_or_what_is_allowed(off, allowed, closed):
+    system = compile_system(four_bar(GROUND, CRANK, COUPLER, ROCKER, 1.0))
+    q = assemblies(system, 0.0).poses[0] + off
+
+    assert closes(system, q, 0.0, allowed) is closed
+
+
+def test_what_newton_calls_converged_but_does_not_close_is_improved_by_least_squares(monkeypatch):
+    system = compile_system(four_bar(GROUND, CRANK, COUPLER, ROCKER, 1.0))
+    q = assemblies(system, 0.0).poses[0]
+    monkeypatch.setattr(search, "position", lambda system, start, t, **_: SimpleNamespace(q=start, converged=True))
+
+    assert refined(system, q + 1e-3, 0.0) == pytest.approx(q, abs=ROUND_OFF)

@@ -87,6 +87,19 @@ def test_a_table_has_no_exact_value_outside_its_arguments() -> None:
     assert not spline(arb(law.argument[-1], 1e-9)).is_finite()
 
 
+def test_over_more_than_a_period_a_table_has_no_exact_value() -> None:
+    law = table(9, periodic=True)
+    period = law.argument[-1] - law.argument[0]
+    spline = exact(law)
+    assert spline(arb(0.3, 0.49 * period)).is_finite()
+    assert not spline(arb(0.3, 0.51 * period)).is_finite()
+
+
+def test_an_extended_number_made_of_three_parts_is_as_far_off_as_the_third() -> None:
+    assert Extended.near((1.0, 0.0, 1e-30)).rounding == 1e-30
+    assert Extended.near((1.0, 1e-17, 1e-19)).rounding == 2 * Extended.unit + 1e-19
+
+
 def test_over_a_knot_the_third_derivative_has_a_range_but_no_slope() -> None:
     over = arb(table(9, periodic=False).argument[3], 1e-3)
     spline = exact(table(9, periodic=False))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
-from refkin.proof.numbers.extrema import Signs, extrema, zeros
+from refkin.proof.numbers.extrema import Signs, _Spline, extrema, zeros
 
 TABLE = Table(argument=(0.0, 1.0, 2.5, 3.0, 4.5), value=(0.0, 0.4, 0.1, 1.0, 0.7))
 TWICE_IN_ONE_PIECE = Table(argument=(0.0, 1.0, 2.0, 3.0, 4.0), value=(-0.9, 0.7, 0.1, 0.1, -0.8))
@@ -62,3 +62,10 @@ def test_the_sign_of_a_polynomial_is_exact_where_rounding_decides_on_its_value()
 
     assert [Signs(cubed)(1.0 + k * 2.0**-52) for k in (-2, -1, 0, 1, 2)] == [-1.0, -1.0, 0.0, 1.0, 1.0]
     assert cubed(1.0 + 2.0**-40) == 0.0
+
+
+def test_pieces_of_a_periodic_table_repeat():
+    spline, times = _Spline.of(AROUND), np.linspace(-7.3, 8.9, 100)
+
+    assert [spline.value(t) for t in times] == pytest.approx(AROUND(times).tolist(), abs=1e-13)
+    assert [spline.rate(t) for t in times] == pytest.approx(AROUND(times, 1).tolist(), abs=1e-12)

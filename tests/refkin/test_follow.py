@@ -337,6 +337,15 @@ def test_two_turning_points_that_a_step_would_go_over_are_both_found():
     assert turns == pytest.approx(angles[1:-1][rising[1:] != rising[:-1]].tolist(), abs=2e-3)
 
 
+@pytest.mark.parametrize(("least", "twice"), [(-0.05, True), (0.05, True), (0.5, False), (1.2, False)])
+def test_a_rate_of_t_that_is_small_or_negative_between_like_ends_is_seen_in_how_far_t_goes(least, twice):
+    """The rate is a parabola with 0.8 at both ends of a step of length 2 and its least, or most, in the middle."""
+    way = 2 * (0.8 + 0.8 + 4 * 0.8 * least) / 6
+    new, tangent = np.array([math.sqrt(4.0 - way**2), way]), np.array([0.6, 0.8])
+
+    assert tracing._turns_twice(np.zeros(2), tangent, new, tangent) is twice
+
+
 @pytest.mark.parametrize("waves", [130, 170])
 def test_three_and_four_turning_points_that_a_step_would_go_over_are_all_found(waves):
     """A tip that is lifted turns a waved cam: its height turns on each crest and in each trough."""

@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from refkin.model import _diameter
+from refkin.joints import AngleDriver, Gear, Revolute
+from refkin.model import Body, Mechanism, _diameter
+from refkin.motion_laws import Polynomial
 
 COUNT = 200
 DRAW = np.random.default_rng(2)
@@ -26,3 +28,14 @@ def test_the_largest_distance_is_that_of_all_pairs(cloud):
     points = [tuple(p) for p in CLOUDS[cloud].tolist()]
 
     assert _diameter(points) == pytest.approx(max(math.dist(a, b) for a in points for b in points), rel=1e-15, abs=0.0)
+
+
+@pytest.mark.parametrize(("first", "second"), [(-0.3, 7.9), (-7.9, 0.3)])
+def test_a_gear_brings_the_larger_of_its_radii(first, second):
+    wheels = Gear(name="teeth", body_i="a", radius_i=first, body_j="b", radius_j=second)
+    axes = tuple(
+        Revolute(name=f"axis {k}", body_i="ground", point_i=(0.0, 0.0), body_j=k, point_j=(0.0, 0.0)) for k in "ab"
+    )
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(0.0, 1.0)))
+
+    assert Mechanism((Body(name="a"), Body(name="b")), (*axes, wheels), (motor,)).size() == 8.0

@@ -115,9 +115,12 @@ def test_an_animation_shows_each_pose_at_its_part_of_the_time(scene):
     assert keys == {"0.00000;0.12500;0.50000;1.00000"}
 
 
-@pytest.mark.parametrize("k", [0, 3])
-def test_a_bar_is_drawn_from_pin_to_pin_and_the_mechanism_from_margin_to_margin(scene, motion, k):
+@pytest.mark.parametrize(("k", "height"), [(0, 0.0), (3, 0.0), (3, 0.7)])
+def test_a_bar_is_drawn_from_pin_to_pin_and_the_mechanism_from_margin_to_margin(k, height):
     """The width decides here: what lies furthest to the left and to the right is `MARGIN` away from the page's ends."""
+    linkage = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(0.0, height))
+    scene = linkage.scene(speed=2.0, turns=1, samples=9, branch="open")
+    motion = refkin.solve(scene)
     drawing = Drawing(scene, motion)
     root = ET.fromstring(still(drawing, k))
     scale = (WIDTH - 2 * MARGIN) / (drawing.box[1] - drawing.box[0])[0]
