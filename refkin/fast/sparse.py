@@ -8,18 +8,18 @@ with the columns ordered by COLAMD and panels of one column, which suits matrice
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene, RefkinError
-from refkin.joints import initial_contacts
+from refkin.joints import Unit, initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 from refkin.newton import ROUND_OFF, contracts
-from refkin.system import PROFILE_ORDER, ConstraintRows, System, compile_system
-from refkin.vec import BodyValues, ParameterValue, Vec, cosine_and_sine
+from refkin.system import ConstraintRows, System, compile_system
+from refkin.vec import BodyValues, ParameterValue
 
 MOST_NEWTON = 30
 ENOUGH = 1e-8
@@ -61,39 +61,35 @@ class Large:
     steps: tuple[float, ...]
 
 
-class Group:
-    """Constraints of one kind between coordinates of the same kind, evaluated together.
+class _Alike:
+    """Constraints of one kind between coordinates of the same kind, as one: on rows, with a number for each of them.
 
-    Attributes
-    ----------
-    rows : (rows, k) array of int
-        The rows of phi of the k constraints.
-    starts : tuple of (k,) array or None
-        Where the bodies and parameters start in q; None is the ground.
+    `at` (rows, k) are their rows of phi. The formulas are those that all of them have.
     """
 
-    def __init__(self, system: System, placed: Sequence[ConstraintRows]) -> None:
-        self.system, self.placed = system, placed
-        first = placed[0]
-        self.formulas: Any = first.constraint
-        self.g = tuple(np.array(numbers) for numbers in zip(*(p.g for p in placed), strict=True))
-        self.rows = np.array([p.row for p in placed]) + np.arange(first.constraint.rows)[:, None]
-        self.starts = tuple(
-            None if start is None else np.array([p.starts[side] for p in placed])
-            for side, start in enumerate(first.starts)
-        )
+    def __init__(self, placed: Sequence[ConstraintRows]) -> None:
+        self.each: list[Any] = [p.constraint for p in placed]
+        self.at = np.array([p.row for p in placed]) + np.arange(self.each[0].rows)[:, None]
 
-    def given(self, parameters: Any, t: float, order: int) -> Any:
-        """Return the laws' values as rows, and those of the profiles at the parameters."""
-        laws = [p.constraint.inputs(t, self.system.unit, order) for p in self.placed] if self.formulas.laws else [()]
-        f = tuple(tuple(map(np.array, zip(*law, strict=True))) for law in zip(*laws, strict=True))
-        if not self.formulas.parameters:
-            return f
-        values = [
-            p.constraint.profile_values(s, self.system.unit, min(order + 2, PROFILE_ORDER))
-            for p, s in zip(self.placed, parameters.value, strict=True)
-        ]
-        return (*f, tuple(map(np.array, zip(*values, strict=True))))
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.each[0], name)
+
+    def inputs(self, t: float, unit: Unit, order: int) -> Any:
+        """Return the laws' values as rows."""
+        laws = (c.inputs(t, unit, order) for c in self.each)
+        return tuple(tuple(map(np.array, zip(*law, strict=True))) for law in zip(*laws, strict=True))
+
+    def profile_values(self, s: Any, unit: Unit, order: int) -> Any:
+        """Return the profiles' values as rows."""
+        values = (c.profile_values(x, unit, order) for c, x in zip(self.each, s, strict=True))
+        return tuple(map(np.array, zip(*values, strict=True)))
+
+
+def _together(placed: Sequence[ConstraintRows]) -> ConstraintRows:
+    """Return constraints of one kind as one, with rows for numbers and for where bodies and parameters start."""
+    g = tuple(map(np.array, zip(*(p.g for p in placed), strict=True)))
+    starts = (None if side[0] is None else np.array(side) for side in zip(*(p.starts for p in placed), strict=True))
+    return ConstraintRows(cast(Any, _Alike(placed)), cast(Any, g), placed[0].row, cast(Any, tuple(starts)))
 
 
 class SparseSystem:
@@ -114,7 +110,7 @@ class SparseSystem:
             c = p.constraint
             sides = tuple(start is None for start in p.starts)
             kinds.setdefault((type(c), getattr(c, "contact", None), len(c.laws), sides), []).append(p)
-        self.groups = [Group(system, placed) for placed in kinds.values()]
+        self.grouped: Any = replace(system, placed=tuple(map(_together, kinds.values())))
         self._lay_out()
 
     def phi(self, q: Any, t: float) -> Any:
@@ -134,33 +130,26 @@ class SparseSystem:
         from scipy.sparse import csc_array  # here: importing SciPy's parts costs more than using them
 
         data = self._constants.copy()
-        values = _Values(self.system, q, None)
-        for group, places in zip(self.groups, self._places, strict=True):
-            for place, (_, _, entry) in zip(places, self._entries(group, values, t), strict=True):
-                if not isinstance(entry, int):
-                    data[place] = entry
+        for place, (_, _, entry) in zip(self._places, self._entries(q, t), strict=True):
+            if not isinstance(entry, int):
+                data[place] = entry
         return csc_array((data, *self._pattern), shape=(self.system.n, self.system.n))
 
-    def _entries(self, group: Group, values: _Values, t: float) -> Iterator[tuple[Any, Any, Any]]:
-        """Yield rows, columns and values of the entries of a group that are not the integer 0; others are always 0."""
-        at = [values.at(start) for start in group.starts]
-        blocks = group.formulas.jacobian(group.g, group.given(at[-1], t, 0), *at)
-        for start, block in zip(group.starts, blocks, strict=True):
-            if start is None:
-                continue
-            for row, entries in zip(group.rows, block, strict=True):
+    def _entries(self, q: Any, t: float) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield rows, columns and values of the entries that are not the integer 0; others are always 0."""
+        blocks = self.grouped.rows(_Values(self.system, q), t, 0, lambda c: c.jacobian)
+        sides = ((p.constraint.at, start) for p in self.grouped.placed for start in p.starts)
+        for (rows, start), block in zip(sides, blocks, strict=True):
+            for row, entries in zip(rows, block, strict=True) if start is not None else ():
                 for k, entry in enumerate(entries):
                     if not (isinstance(entry, int) and entry == 0):
-                        yield row, (start, k), entry
+                        yield row, start + k, entry
 
     def _right(self, q: Any, qd: Any, t: float, order: int, formula: str) -> Any:
-        values = _Values(self.system, q, qd)
-        out = np.zeros(self.system.m)
-        for group in self.groups:
-            at = [values.at(start) for start in group.starts]
-            f = group.given(at[-1], t, order)
-            for row, value in zip(group.rows, getattr(group.formulas, formula)(group.g, f, *at), strict=True):
-                out[row] = value
+        out, places = np.zeros(self.system.m), (row for p in self.grouped.placed for row in p.constraint.at)
+        values = self.grouped.rows(_Values(self.system, q, qd), t, order, lambda c: getattr(c, formula))
+        for place, value in zip(places, values, strict=True):
+            out[place] = value
         return out
 
     def _lay_out(self) -> None:
@@ -168,46 +157,34 @@ class SparseSystem:
         from scipy.sparse import csc_array
 
         n = self.system.n
-        values = _Values(self.system, np.zeros(n), None)
-        by_group = [list(self._entries(group, values, 0.0)) for group in self.groups]
-        entries = [entry for of_group in by_group for entry in of_group]
+        entries = list(self._entries(np.zeros(n), 0.0))
         rows = np.concatenate([row for row, _, _ in entries])
-        columns = np.concatenate([start + k for _, (start, k), _ in entries])
+        columns = np.concatenate([column for _, column, _ in entries])
         numbers = np.arange(1.0, len(rows) + 1)
         order = csc_array((numbers, (rows, columns)), shape=(n, n))
         order.sort_indices()
         place = np.empty(len(rows), int)
         place[order.data.astype(int) - 1] = np.arange(len(rows))
-        each = iter(np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1]))
-        self._places = [[next(each) for _ in of_group] for of_group in by_group]
+        self._places = np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1])
         self._pattern = order.indices, order.indptr
         self._constants = np.zeros(len(rows))
-        for places, of_group in zip(self._places, by_group, strict=True):
-            for at, (_, _, entry) in zip(places, of_group, strict=True):
-                self._constants[at] = entry if isinstance(entry, int) else 0.0
+        for at, (_, _, entry) in zip(self._places, entries, strict=True):
+            self._constants[at] = entry if isinstance(entry, int) else 0.0
 
 
 class _Values:
-    """The values of bodies and parameters at q (n,), gathered for a group; cosines are taken once."""
+    """The values of bodies, or of parameters, at q (n,) as rows, by the places where they start; None is the ground."""
 
-    def __init__(self, system: System, q: Any, qd: Any) -> None:
+    def __init__(self, system: System, q: Any, qd: Any = None) -> None:
         self.bodies, self.q, self.qd = system.of_bodies, q, qd
-        self.c, self.s = (np.empty_like(self.q) for _ in range(2))
-        at = system.angles
-        self.c[at], self.s[at] = cosine_and_sine(self.q[at])
 
-    def at(self, start: Any) -> Any:
-        """Return the values of the bodies, or of the parameters, that start there; of the ground if None."""
+    def __getitem__(self, start: Any) -> Any:
         if start is None:
             return BodyValues(0.0, 0.0, 0.0).moving(0.0, 0.0, 0.0)
-        if start[0] >= self.bodies:
-            parameter = ParameterValue.__new__(ParameterValue)
-            parameter.value, parameter.c, parameter.s = self.q[start], self.c[start], self.s[start]
-            return parameter if self.qd is None else parameter.moving(self.qd[start])
-        body = BodyValues.__new__(BodyValues)
-        body.r, body.phi = Vec(self.q[start], self.q[start + 1]), self.q[start + 2]
-        body.c, body.s = self.c[start + 2], self.s[start + 2]
-        return body if self.qd is None else body.moving(*(self.qd[start + k] for k in range(3)))
+        kind, width = (BodyValues, 3) if start[0] < self.bodies else (ParameterValue, 1)
+        places = [start + k for k in range(width)]
+        values: Any = kind(*(self.q[at] for at in places))
+        return values if self.qd is None else values.moving(*(self.qd[at] for at in places))
 
 
 def solve_large(scene: Scene) -> Large:

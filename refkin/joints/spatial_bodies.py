@@ -20,11 +20,10 @@ def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterat
         yield UnitLength(name=body.name, body=body.name)
     estimates = {body.name: body.estimate for body in bodies}
     for spin in passive_spins(bodies, constraints):
-        (body, (through, line)), *others = spin.lines.items()
+        (body, (through, line)), *others = spin.items()
         reference: Any = (estimates[body] or SPACE.still)[3:]
-        yield PassiveSpin(
-            name=spin.name, body=body, through=through, line=line, reference=reference, others=tuple(others)
-        )
+        held: Any = {"body": body, "through": through, "line": line, "reference": reference, "others": tuple(others)}
+        yield PassiveSpin(name=" and ".join(spin), **held)
 
 
 def with_unit_length(estimate: Any) -> Any:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
@@ -32,22 +31,12 @@ from refkin.joints.spatial_vectors import Vec3
 
 Line = tuple[Vec3, Vec3]
 """A point of a line, and a vector along it."""
+Spin = Mapping[str, tuple[Triple, Triple]]
+"""Bodies that spin as one, in their order, with the line in each: a point [m] and a vector along it."""
 ByBody = Mapping[str, Sequence[Any]]
 """The constraints of each body, by its name."""
 ALIKE, ROUNDED = 2.0**-40, 2.0**-48
 """How far off a line is on it: in parts of the way along it, and of the coordinates, which are rounded."""
-
-
-@dataclass(frozen=True)
-class Spin:
-    """Bodies that spin as one, in their order, with the line in each: a point [m] and a vector along it."""
-
-    lines: Mapping[str, tuple[Triple, Triple]]
-
-    @property
-    def name(self) -> str:
-        """The bodies in words."""
-        return " and ".join(self.lines)
 
 
 def passive_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Spin]:
@@ -62,7 +51,7 @@ def passive_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator
         lines = next(spins, None) if body not in taken else None
         if lines is not None:
             taken.update(lines)
-            yield Spin({name: (lines[name][0].parts, lines[name][1].parts) for name in at if name in lines})
+            yield {name: (lines[name][0].parts, lines[name][1].parts) for name in at if name in lines}
 
 
 def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:

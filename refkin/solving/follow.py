@@ -16,9 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import Kind
 from refkin.model import Mechanism, Scene
-from refkin.motion import Array, BodyMotion, kind_of
+from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
 from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
@@ -127,8 +126,8 @@ class Path(Tabled):
     contacts: ClassVar[Mapping[str, Any]] = {}
 
     @property
-    def levels(self) -> tuple[Array]:
-        return (self.q,)
+    def levels(self) -> tuple[Array, None, None]:
+        return self.q, None, None
 
     @property
     def first_columns(self) -> Mapping[str, Any]:
@@ -139,18 +138,8 @@ class Path(Tabled):
         """The turning points and bifurcations in the order of the path."""
         return tuple(sorted((*self.turning_points, *self.bifurcations), key=lambda event: event.index))
 
-    @property
-    def kind(self) -> Kind:
-        """Whether the bodies are of the plane or of space."""
-        return kind_of(len(self.q) // len(self.bodies))
-
-    def __getitem__(self, body: str) -> BodyMotion:
-        """Return the coordinates of one body, as those of a motion."""
-        if body not in self.bodies:
-            raise UnknownName("body", body, self.bodies)
-        width = self.kind.width
-        k = width * self.bodies.index(body)
-        return BodyMotion(self.q[k : k + width], None, None)
+    kind: ClassVar[Any] = Motion.kind
+    __getitem__: ClassVar[Any] = Motion.__getitem__
 
 
 def straight_on(bifurcation: Bifurcation) -> Tangent | None:

@@ -60,8 +60,25 @@ def kind_of(mobility: int) -> str:
     return "mechanism with one freedom" if mobility == 1 else f"mechanism with {mobility} freedoms"
 
 
+class _Freedoms:
+    """What a number of freedoms, `mobility`, and what is `passive` among them say."""
+
+    mobility: Any
+    passive: Any
+
+    @property
+    def useful(self) -> int:
+        """Mobility without what is passive."""
+        return int(self.mobility - len(self.passive))
+
+    @property
+    def kind(self) -> str:
+        """What such a system is called: "structure" if nothing can move."""
+        return kind_of(self.mobility)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Count:
+class Count(_Freedoms):
     """Gruebler's count.
 
     Attributes
@@ -83,16 +100,6 @@ class Count:
     def mobility(self) -> int:
         """n_d = d n_b - n_c, passive spins included."""
         return self.coordinates * self.bodies - self.equations
-
-    @property
-    def useful(self) -> int:
-        """Mobility without the passive spins."""
-        return self.mobility - len(self.passive)
-
-    @property
-    def kind(self) -> str:
-        """What such a system is called: "structure" if nothing can move."""
-        return kind_of(self.mobility)
 
 
 def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
@@ -189,7 +196,7 @@ class Rank:
 
 
 @dataclass(frozen=True)
-class Mobility:
+class Mobility(_Freedoms):
     """Rank-based mobility at a pose: of the joints alone, and with the drivers.
 
     `passive` are in words the motions that one body of space, or several as one, can make while nothing else moves.
@@ -203,16 +210,6 @@ class Mobility:
     def mobility(self) -> int:
         """What the joints leave free: n - rank(phi_q)."""
         return self.joints.freedoms
-
-    @property
-    def useful(self) -> int:
-        """Mobility without what is passive."""
-        return self.mobility - len(self.passive)
-
-    @property
-    def kind(self) -> str:
-        """What such a system is called: "structure" if nothing can move."""
-        return kind_of(self.mobility)
 
 
 def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SINGULAR) -> Mobility:
@@ -269,7 +266,7 @@ def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str
     _, by_row, by_column = balance(phi_q)
     phi_q = phi_q * by_row[:, None]
     bodies, constraints = system.mechanism.bodies, system.mechanism.constraints
-    together = [tuple(spin.lines) for spin in passive_spins(bodies, constraints) if len(spin.lines) > 1]
+    together = [tuple(spin) for spin in passive_spins(bodies, constraints) if len(spin) > 1]
     for names in [*((body.name,) for body in bodies), *together]:
         at = [q[system.columns(name)] for name in names]
         columns = sum(

@@ -30,7 +30,7 @@ from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
-from refkin.proof.assembly.search import _Search, coordinates
+from refkin.proof.assembly.search import Search, coordinates
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
@@ -250,7 +250,7 @@ def test_trial_angles_lie_within_a_turn_and_contacts_on_the_profile():
     """Of an open table no contact lies before its first argument or behind its last."""
     law = Table(argument=(0.5, 0.75, 1.0, 1.5), value=(1.0, 1.1, 1.15, 1.2))
     joints, _ = cam(profile=Polar(law=law), follower="point", held=guide("follower"))
-    looking = object.__new__(_Search)
+    looking = object.__new__(Search)
     looking.system = SimpleNamespace(mechanism=SimpleNamespace(joints=joints))
     looking.turned = ("cam",)
     trials = np.array([point for point, _ in zip(looking._halton(), range(64), strict=False)])

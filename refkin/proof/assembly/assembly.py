@@ -23,7 +23,7 @@ from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBran
 from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import PointRow, RowKind, read_rows
-from refkin.proof.assembly.search import Assemblies, by_search, closes, coordinates, none_of, search
+from refkin.proof.assembly.search import Assemblies, Search, by_search, closes, coordinates, none_of
 from refkin.proof.assembly.spatial import across, assemblies_in_space, certain_miss, point_rows
 from refkin.system import System
 
@@ -65,7 +65,7 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
         if rows.foreign and not trying:
             return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
         why = "the outer joints of a dyad coincide, or its lines are parallel" if placement.stuck else ""
-        return search(system, t, rows, why)
+        return Search(system, t, rows, why).run()
 
 
 def _in_space(system: System, t: float, trying: bool) -> Assemblies:

@@ -12,7 +12,7 @@ from refkin.joints import GROUND
 from refkin.proof.assembly.group_poses import GroupPose, Link, Move, moves_of_group, moves_of_point
 from refkin.proof.assembly.loci import Ball, Meeting, length
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, Closure, Relation, RelationForm, Step
-from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, angles_from
 from refkin.vec import Vec
 
 MOST_BRANCHES = 256
@@ -87,22 +87,9 @@ def _orientations(rows: AssemblyRows, bodies: tuple[str, ...]) -> tuple[dict[str
     """Return each body at the origin of its own group, at the angle that is given; or the two that disagree."""
     angles: dict[str, Ball] = {}
     for body in bodies:
-        waiting = [] if body in angles else [body]
-        angles.setdefault(body, arb(0))
-        while waiting:
-            here = waiting.pop()
-            for relative in rows.relative_angles:
-                if here not in (relative.i, relative.j):
-                    continue
-                there = relative.j if here == relative.i else relative.i
-                angle = angles[here] + (relative.angle if here == relative.i else -relative.angle)
-                if there not in angles:
-                    angles[there] = angle
-                    waiting.append(there)
-                elif not (angle - angles[there]).contains(0):
-                    gap = abs(angle - angles[there])
-                    words = f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off"
-                    return {}, DeadEnd(gap, partial(str, words))
+        for relative, gap in angles_from(body, rows.relative_angles, angles) if body not in angles else ():
+            words = f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off"
+            return {}, DeadEnd(gap, partial(str, words))
     zero = arb(0)
     return {b: GroupPose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
 

@@ -18,7 +18,7 @@ constraint is held against, since its numbers were rounded on the way.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Any
@@ -113,16 +113,32 @@ def read_rows(system: System, t: float, spread: float = 0.0) -> AssemblyRows:
     return AssemblyRows(tuple(relative_angles), tuple(rows), tuple(foreign))
 
 
+def angles_from(
+    body: str, relative_angles: Sequence[AngleConstraint], angles: dict[str, Ball]
+) -> Iterator[tuple[AngleConstraint, Ball]]:
+    """Note the angles that follow from that of a body, 0 where none is known; yield what disagrees, and by how much."""
+    angles.setdefault(body, arb(0))
+    waiting = [body]
+    while waiting:
+        here = waiting.pop()
+        for relative in relative_angles:
+            if here not in (relative.i, relative.j):
+                continue
+            there = relative.j if here == relative.i else relative.i
+            angle = angles[here] + (relative.angle if here == relative.i else -relative.angle)
+            if there not in angles:
+                angles[there] = angle
+                waiting.append(there)
+            elif not (angle - angles[there]).contains(0):
+                yield relative, abs(angle - angles[there])
+
+
 def _angles(relative_angles: list[AngleConstraint], gears: list[_Reader]) -> dict[str, Ball]:
     """Return the angle of each body that follows from those given; a gear with one known wheel gives one more."""
-    angles: dict[str, Ball] = {GROUND: arb(0)}
+    angles: dict[str, Ball] = {}
     while True:
-        for _ in relative_angles:
-            for relative in relative_angles:
-                if relative.i in angles and relative.j not in angles:
-                    angles[relative.j] = angles[relative.i] + relative.angle
-                elif relative.j in angles and relative.i not in angles:
-                    angles[relative.i] = angles[relative.j] - relative.angle
+        for _ in angles_from(GROUND, relative_angles, angles):
+            pass  # who disagrees is asked where the mechanism is put together
         turned = next((gear for gear in gears if not angles.keys().isdisjoint(gear.e.bodies)), None)
         if turned is None:
             return angles

@@ -122,8 +122,8 @@ class _Known:
     radius: float
 
 
-def search(system: System, t: float, rows: AssemblyRows, why: str = "") -> Assemblies:
-    """Look for all assemblies of a system that closed form does not place, or the proof that there is none.
+class Search:
+    """The search for all assemblies of a system that closed form does not place, or the proof that there is none.
 
     Parameters
     ----------
@@ -136,10 +136,7 @@ def search(system: System, t: float, rows: AssemblyRows, why: str = "") -> Assem
     why : str
         Why closed form does not.
     """
-    return _Search(system, t, rows, why).run()
 
-
-class _Search:
     def __init__(self, system: System, t: float, rows: AssemblyRows, why: str) -> None:
         self.system, self.t, self.rows, self.why = system, t, rows, why
         self.names = [body.name for body in system.mechanism.bodies]
@@ -148,7 +145,7 @@ class _Search:
         self.failures = 0
 
     def run(self) -> Assemblies:
-        """Search for all roots, in narrower and narrower intervals of the angle that opens the group."""
+        """Return what is found, in narrower and narrower intervals of the angle that opens the group."""
         if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
             return self._result("the group is larger than a triad: no proof was tried")
@@ -262,7 +259,7 @@ class _Search:
 class _Intervals:
     """Intervals of the trial angle, all of the same width, that may hold assemblies not known yet."""
 
-    def __init__(self, search: _Search) -> None:
+    def __init__(self, search: Search) -> None:
         self.search = search
         # A little more than a turn, so that the ends of the interval are inside as well.
         self.open, self.width = [(-3.1416, 3.1416)], 6.2832

@@ -136,11 +136,11 @@ class _Reader:
                     length = e.laws[0](self.t, 0) if e.laws else e.length
                     links.append((c.name, e.ends, abs(length) / self.scale.size))  # a law may be negative
         for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
-            joints = [c for c in self.mechanism.joints if len(spin.lines.keys() & {*c.bodies}) == 1]
+            joints = [c for c in self.mechanism.joints if len(spin.keys() & {*c.bodies}) == 1]
             held = [e for c in joints for e in exact(tuple(c.elements()))]
-            own = [end for e in held for end in e.ends if end[0] in spin.lines]
+            own = [end for e in held for end in e.ends if end[0] in spin]
             if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:
-                ends = tuple(next(end for end in e.ends if end[0] not in spin.lines) for e in held)
+                ends = tuple(next(end for end in e.ends if end[0] not in spin) for e in held)
                 links.append((own[0][0], ends, _length(self._vector(own[0][1]) - self._vector(own[1][1]))))
         for name, ends, length in links:
             for (a, u), (b, v) in (ends, ends[::-1]):

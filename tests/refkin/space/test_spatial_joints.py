@@ -280,7 +280,7 @@ def test_a_body_on_balls_spins_if_they_lie_on_a_line_whatever_its_size(size):
     def spins(*points):
         ends = {"body_i": "ground", "point_i": (0.0, 0.0, 0.0), "body_j": "b"}
         balls = [Spherical(name=str(k), **ends, point_j=tuple(size * x for x in u)) for k, u in enumerate(points)]
-        return [spin.name for spin in passive_spins([Body(name="b")], balls)]
+        return [" and ".join(spin) for spin in passive_spins([Body(name="b")], balls)]
 
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6)) == ["b"]
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2)) == ["b"]
