@@ -148,13 +148,12 @@ def solve_many(
         If the equations have redundant rows, or none for some coordinate, or if bodies are of space.
     """
     group, made = _prepared(scene, geometry, estimates)
-    samples = group.size
+    samples, many = group.size, _unsolved(group, made, reducer is None)
     blocks = math.ceil(samples / block_samples(made.marching))
-    result = _Result(group, made, reducer)
     with np.errstate(all="ignore"):  # what a sample that is lost computes is nobody's concern
         for b in range(blocks):
-            result.run(slice(b * samples // blocks, (b + 1) * samples // blocks))
-    return result.many()
+            _run(many, made, slice(b * samples // blocks, (b + 1) * samples // blocks), reducer)
+    return many
 
 
 def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> tuple[Family, Compiled]:
@@ -183,68 +182,51 @@ def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> 
     )
 
 
-class _Result:
-    """What is kept of all blocks."""
+def _called_for(scene: Scene) -> tuple[bool, bool, bool]:
+    return True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects
 
-    def __init__(self, group: Family, made: Compiled, reducer: Callable[[Slice], Any] | None) -> None:
-        self.group, self.made, self.reducer = group, made, reducer
-        self.t = np.array(group.scene.times)
-        effects = group.scene.effects
-        called = (True, Effect.VELOCITY in effects, Effect.ACCELERATION in effects)
-        self.orders = [order for order, wanted in enumerate(called) if wanted]
-        self.rows = np.concatenate([np.r_[group.system.columns(b)] for b in group.scene.wanted])
-        times, samples = len(self.t), group.size
-        self.codes = np.full((times, samples), NEVER_FOUND, np.uint8)
-        self.reduced: list[Any] = []
-        # Time before samples in memory: one time of a block is written in one piece.
-        kept = self.orders if reducer is None else []
-        self.stored = {order: np.empty((len(self.rows), times, samples)) for order in kept}
-        self.residual = np.empty((times, samples)) if reducer is None else None
-        proves = Evidence.CERTIFICATE in group.scene.evidence
-        self.radii = np.empty((made.levels, times, samples)) if proves and reducer is None else None
 
-    def run(self, samples: slice) -> None:
-        """Take a block of samples through all times."""
-        block = Block(self.group, self.made, samples)
-        for k, t in enumerate(self.group.scene.times):
-            if k == 0:
-                block.start(t)
-            else:
-                block.go_to(t)
-            self._take(block, samples, k, t)
+def _unsolved(group: Family, made: Compiled, stores: bool) -> Many:
+    """Return what is to be filled in, without coordinates if a reducer gets them instead."""
+    scene, times, system = group.scene, len(group.scene.times), group.system
 
-    def _take(self, block: Block, samples: slice, k: int, t: float) -> None:
-        """Keep, or reduce, one time of one block."""
-        levels: list[Any] = [None, None, None]
-        for order in self.orders:
-            level = block.levels(order)
-            levels[order] = level[self.rows] if len(self.rows) < len(level) else level
-        self.codes[k, samples] = block.codes
-        if self.reducer is not None:
+    def empty(*first: int) -> Any:  # time before samples in memory: one time of a block is written in one piece
+        return np.swapaxes(np.empty((*first, times, group.size)), -1, -2) if stores else None
+
+    rows = system.kind.width * len(scene.wanted)
+    q, qd, qdd = (empty(rows) if called else None for called in _called_for(scene))
+    codes = np.full((times, group.size), NEVER_FOUND, np.uint8).T
+    radii = empty(made.levels) if Evidence.CERTIFICATE in scene.evidence else None
+    there = {
+        "several laws together": sum(len(c.laws) for c in system.mechanism.constraints) > 1,
+        "a cam's profile": bool(polar_cams(system.mechanism.constraints)),
+        "a loop that another one moves": len(made.marching.outputs.determinants) > 1,
+    }
+    unseen = ", ".join(what for what, is_there in there.items() if is_there)
+    return Many(group, np.array(scene.times), scene.wanted, codes, q, qd, qdd, empty(), radii, [], unseen)
+
+
+def _run(many: Many, made: Compiled, samples: slice, reducer: Callable[[Slice], Any] | None) -> None:
+    """Take a block of samples through all times; keep, or reduce, each."""
+    group, block = many.family, Block(many.family, made, samples)
+    rows = np.concatenate([np.r_[group.system.columns(b)] for b in many.bodies])
+    for k, t in enumerate(group.scene.times):
+        if k == 0:
+            block.start(t)
+        else:
+            block.go_to(t)
+        levels = [block.levels(order) if called else None for order, called in enumerate(_called_for(group.scene))]
+        if len(rows) < group.system.n:
+            levels = [None if level is None else level[rows] for level in levels]
+        many.codes[samples, k] = block.codes
+        if reducer is not None:
             q, qd, qdd = levels
             codes, residual = block.codes.copy(), block.residual
-            self.reduced.append(self.reducer(Slice(samples, k, t, q, qd, qdd, codes, residual, block.radii(t))))
-            return
-        for order, rows in self.stored.items():
-            rows[:, k, samples] = levels[order]
-        self.residual[k, samples] = block.residual  # type: ignore[index]
-        if self.radii is not None:
-            self.radii[:, k, samples] = block.radii(t)
-
-    def many(self) -> Many:
-        """Return what was found."""
-        q, qd, qdd = (np.swapaxes(self.stored[k], 1, 2) if k in self.stored else None for k in range(3))
-        residual = None if self.residual is None else self.residual.T
-        radii = None if self.radii is None else np.swapaxes(self.radii, 1, 2)
-        wanted = self.group.scene.wanted
-        return Many(self.group, self.t, wanted, self.codes.T, q, qd, qdd, residual, radii, self.reduced, self.unseen())
-
-    def unseen(self) -> str:
-        """Return in words what is not looked at between two times; "" if there is no such thing."""
-        constraints = self.group.system.mechanism.constraints
-        there = {
-            "several laws together": sum(len(c.laws) for c in constraints) > 1,
-            "a cam's profile": bool(polar_cams(constraints)),
-            "a loop that another one moves": len(self.made.marching.outputs.determinants) > 1,
-        }
-        return ", ".join(what for what, is_there in there.items() if is_there)
+            many.reduced.append(reducer(Slice(samples, k, t, q, qd, qdd, codes, residual, block.radii(t))))
+            continue
+        for kept, level in zip((many.q, many.qd, many.qdd), levels, strict=True):
+            if kept is not None:
+                kept[:, samples, k] = level
+        many.residual[samples, k] = block.residual
+        if many.radii is not None:
+            many.radii[:, samples, k] = block.radii(t)

@@ -107,20 +107,19 @@ class March:
     ) -> None:
         self.single, self.u, self.laws, self.profile, self.extrema = single, u, laws, profile, extrema
         self.signs: tuple[float, ...] = ()
-        self.values = [k for k, (_, _, order) in enumerate(single.laws) if order == 0]
+        self.values, self.rates = ([k for k, law in enumerate(single.laws) if law[2] == order] for order in (0, 1))
         self.most_steps = most_steps
         self.steps = 0
 
-    def start(self, t: float, core: Sequence[float], f: Sequence[float] | None = None) -> Pose | None:
+    def start(self, t: float, core: Sequence[float], f: Sequence[float]) -> Pose | None:
         """Return the pose at core coordinates that solve the equations; it sets the signs of the branch."""
-        f = self.laws(t) if f is None else f
         answer = self._newton(f, core)
         if answer is None or not _converged(answer.steps):
             return None
         self.signs = tuple(math.copysign(1.0, d) for d in answer.determinants)
         return Pose(t, answer.levels, f) if self._regular(answer) else None
 
-    def step(self, t: float, last: Pose, before: Pose | None, f: Sequence[float] | None = None) -> Pose | None:
+    def step(self, t: float, last: Pose, before: Pose | None) -> Pose | None:
         """Return the pose at t if it is on the branch for certain, from the last pose and the one before it.
 
         No law may turn back in between.
@@ -128,7 +127,7 @@ class March:
         self.steps += 1
         if before is not None and last.t - before.t < max(SHORT * (t - last.t), LEAST):
             before = None
-        f = self.laws(t) if f is None else f
+        f = self.laws(t)
         for k in self.values:
             if abs(f[k] - last.laws[k]) > FURTHEST:
                 return None
@@ -169,6 +168,8 @@ class March:
     def _to(self, t: float, last: Pose, before: Pose | None, h: float) -> list[Pose] | None:
         path: list[Pose] = []
         most = h = min(h, t - last.t)
+        if before is None:  # Taylor's polynomial reaches less far than the quintic
+            h = min(h, self._longest(last) / 2)
         smallest = 4 * EPS * max(abs(t), abs(last.t), abs(h))
         while self.steps < self.most_steps:
             ends = last.t + h >= t
@@ -182,8 +183,13 @@ class March:
             if ends:
                 return path
             last, before = pose, last
-            h = min(most, h * factor(pose.off))
+            h = min(most, h * factor(pose.off), self._longest(pose))
         return None
+
+    def _longest(self, pose: Pose) -> float:
+        """Return about how long a step may be before some law has changed by `FURTHEST`."""
+        fastest = max((abs(pose.laws[k]) for k in self.rates), default=0.0)
+        return 0.99 * FURTHEST / fastest if fastest else math.inf
 
     def _newton(self, f: Sequence[float], core: Sequence[float]) -> Answer | None:
         try:
@@ -211,12 +217,7 @@ class Guesses:
         ends = [0, *t.searchsorted(self.t[1:-1]), len(t)]  # t is in order, as the poses are
         counts = np.subtract(ends[1:], ends[:-1])
         s = (t - self.t[:-1].repeat(counts)) / self.width.repeat(counts)
-        c = self.polynomials.repeat(counts, axis=2)
-        value = c[5]
-        for power in (4, 3, 2, 1, 0):
-            value *= s
-            value += c[power]
-        return value
+        return at(self.polynomials.repeat(counts, axis=2), s)
 
     def quarter(self, t: Any, march: March) -> bool:
         """March again, in a quarter of the step, between the poses around times; False if that leads elsewhere."""

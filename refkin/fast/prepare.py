@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 from refkin.errors import RefkinError
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.program import Program
-from refkin.fast.march import FURTHEST
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
 from refkin.motion import Status
@@ -47,13 +45,6 @@ class Prepared:
         placed = enumerate(self.system.placed)
         with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
             return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
-
-    @cached_property
-    def longest(self) -> float:
-        """How many times of the scene a step may go ahead, by what laws change from one to the next; inf if unknown."""
-        values = [law[0] for laws in self.laws.values() for law in laws if np.ndim(law[0])]
-        change = max((float(np.max(np.abs(np.diff(x)), initial=0.0)) for x in values), default=0.0)
-        return max(1.0, FURTHEST / change) if change > 0.0 else math.inf
 
     @cached_property
     def extrema(self) -> list[float]:

@@ -23,7 +23,7 @@ import numpy as np
 from refkin.fast.answer import motion
 from refkin.fast.elimination.run import Workspace, block_samples
 from refkin.fast.elimination.single import Answer, Single
-from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose, factor
+from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
@@ -80,7 +80,7 @@ class _Task:
         self.t, self.laws, self.extrema = ready.t, ready.laws, ready.extrema
         self.geometry = [p.g for p in self.system.placed]
         self.march = March(self.made.march, ready.u, self._laws_at, self._profile, self._extrema)
-        self.longest, self.message = ready.longest, ""
+        self.message = ""
 
     def motion(self) -> Motion | None:
         """Return the answer at all times; None if any is in doubt."""
@@ -128,21 +128,21 @@ class _Task:
         """Return the times between a and b at which a law turns back."""
         return self.extrema[bisect_right(self.extrema, a) : bisect_left(self.extrema, b)]
 
-    def _laws_of(self, k: int) -> list[float]:
-        return [self.laws[c][law][order].item(k) for c, law, order in self.made.march.laws]
+    def _laws_at_first(self, single: Single) -> list[float]:
+        return [self.laws[c][law][order].item(0) for c, law, order in single.laws]
 
     def _start(self) -> Pose | None:
         """Return the first pose: the solution next to the estimate, if that is beyond doubt, else as the reference."""
-        t, f = self.scene.times[0], self._laws_of(0)
-        q = self._near_estimate(f) if self.first is None else None
+        q = self._near_estimate() if self.first is None else None
         if q is None:
             start = find_start(self.system, self.scene) if self.first is None else self.first
             if start.status is not Status.OK:
                 return None
             q, self.message = start.q, start.message
-        return self.march.start(t, [float(q[c]) for c in self.made.core], f)
+        core = [float(q[c]) for c in self.made.core]
+        return self.march.start(self.scene.times[0], core, self._laws_at_first(self.made.march))
 
-    def _near_estimate(self, f: Sequence[float]) -> Any:
+    def _near_estimate(self) -> Any:
         """Return the solution that Newton finds from the estimate if it is much nearer than any other.
 
         Near a fold Newton's error goes from e to e^2 / s, with s the distance of the two solutions. So its first two
@@ -164,9 +164,8 @@ class _Task:
 
     def _first(self, core: Sequence[float]) -> Answer | None:
         """Return what Newton makes of core coordinates at the first time; None where numbers fail."""
-        laws = [self.laws[c][law][order].item(0) for c, law, order in self.made.whole.laws]
         try:
-            return self._advanced(core, laws, MOST_AT_FIRST)
+            return self._advanced(core, self._laws_at_first(self.made.whole), MOST_AT_FIRST)
         except (ArithmeticError, ValueError):
             return None
 
@@ -179,34 +178,9 @@ class _Task:
         return levels, np.array([min(answer.pivots, default=math.inf)])
 
     def _marched(self, start: Pose) -> list[Pose] | None:
-        """Return poses from the first time to the last, at times of the scene and, where steps are short, between."""
-        poses, k, last = [start], 0, len(self.t) - 1
-        stride = max(1.0, last / 16)
-        while k < last:
-            ahead = min(last, k + max(1, int(min(stride, self.longest))))
-            before = poses[-2] if len(poses) > 1 else None
-            if turning := self._extrema(poses[-1].t, self.scene.times[ahead]):
-                between = self.march.to(turning[0], poses[-1], before)
-                if between is None:
-                    return None
-                poses += between
-                k = bisect_right(self.scene.times, turning[0]) - 1
-                continue
-            pose = self.march.step(self.scene.times[ahead], poses[-1], before, self._laws_of(ahead))
-            if pose is not None:
-                poses.append(pose)
-                if before is not None:
-                    stride *= factor(pose.off)
-                k = ahead
-            elif ahead > k + 1:
-                stride = max(1.0, (ahead - k) / 4)
-            else:
-                between = self.march.to(self.scene.times[ahead], poses[-1], before)
-                if between is None:
-                    return None
-                poses += between
-                k = ahead
-        return poses
+        """Return poses from the first time to the last; None if the branch cannot be followed there."""
+        between = self.march.to(self.scene.times[-1], start)
+        return None if between is None else [start, *between]
 
     def _samples(self, poses: list[Pose]) -> tuple[list[Any], Any] | None:
         """Return the levels at all times, and the smallest pivot of each; None if a sample is in doubt."""

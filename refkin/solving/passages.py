@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -36,23 +36,6 @@ CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
 SAME = 1e-9
 """How far poses of one assembly may lie apart that were found by different ways [sizes, rad]."""
-
-
-class Continuation(Protocol):
-    """A sweep, as far as it is asked here to go on in another system."""
-
-    system: System
-    t: list[float]
-    q: list[Any]
-
-    def branching_off(self, system: System) -> Continuation:
-        """Return a sweep of the same kind, with another system, that starts at time 0 from the last pose."""
-
-    def arrives(self, target: float) -> bool:
-        """Go to a time, and return whether that is certain, or proved, as it is to be."""
-
-    def steps_to(self, target: float) -> bool:
-        """Go to a time by steps alone, and return whether they lead there."""
 
 
 def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
@@ -102,12 +85,12 @@ def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops
     return [int(k) for k in np.flatnonzero(steps)]
 
 
-def over_a_range(sweep: Continuation, target: float, turning: list[float]) -> Any:
+def over_a_range(sweep: Any, target: float, turning: list[float]) -> Any:
     """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
 
     Parameters
     ----------
-    sweep : Continuation
+    sweep : refkin.solving.sweep.Sweep
         At a regular pose.
     target : float
         The time [s].
@@ -202,7 +185,7 @@ class Winding:
         result = newton(phi, lambda x: self.system.phi_q(whole(x), t)[np.ix_(rows, columns)], q[columns])
         return whole(result.q) if result.converged else np.full_like(q, np.nan)
 
-    def passed(self, sweep: Continuation, target: float) -> tuple[Any, float] | None:
+    def passed(self, sweep: Any, target: float) -> tuple[Any, float] | None:
         """Return a pose many whole turns on, and its time before `target`; None if there are few, or none is known.
 
         Until it is known whether loops come back after a turn, the sweep goes through one first.

@@ -112,18 +112,9 @@ class Curve:
         n = self.system.n
         return np.arange(n) if self.system.m == n else leading_rows(self.slope(x), n)
 
-    def determinant(self, x: Any, tangent: Any, rows: Any) -> tuple[float, float]:
-        """Return sign and logarithm of det [phi_q, phi_t; tangent]: the sign cannot change along a smooth curve.
-
-        Parameters
-        ----------
-        x, tangent : (n + 1,) array
-            A point of the curve, and the tangent there.
-        rows : (n,) array of int
-            The rows of phi that are solved, of the m.
-        """
-        sign, log = np.linalg.slogdet(np.vstack([self.slope(x)[rows], tangent]))
-        return float(sign), float(log)
+    def side(self, x: Any, tangent: Any, rows: Any) -> float:
+        """Return the sign of det [phi_q, phi_t; tangent], of rows (n,): it cannot change along a smooth curve."""
+        return float(np.linalg.slogdet(np.vstack([self.slope(x)[rows], tangent]))[0])
 
     def corrected(self, guess: Any, across: Any) -> NewtonResult:
         """Return what Newton makes of a guess in the plane through it that `across` (n + 1,) is normal to."""

@@ -141,8 +141,7 @@ class Tracer:
             straight = new is not None and tangent @ after >= math.cos(BEND)
             if straight and not (_turns_twice(x, tangent, new, after) or self._turns_unseen(x, tangent, new, after, h)):
                 rows = self.curve.rows(new)
-                sign, _ = self.curve.determinant(new, after, rows)
-                if self.at_crossing or sign == self.curve.determinant(x, tangent, rows)[0]:
+                if self.at_crossing or self.curve.side(new, after, rows) == self.curve.side(x, tangent, rows):
                     if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
                         return new, after, h
                     h /= 2

@@ -448,7 +448,7 @@ def test_an_estimate_decides_only_where_newton_says_that_the_other_solution_is_e
         made=SimpleNamespace(core=[2]),
         _first=lambda core: answer,
     )
-    q = module._Task._near_estimate(task, ())
+    q = module._Task._near_estimate(task)
 
     assert (q is not None) is taken
 
@@ -464,4 +464,4 @@ def test_a_near_estimate_is_taken_if_newton_contracts_from_it_and_ends_at_round_
     task = SimpleNamespace(system=system, scene=scene, made=SimpleNamespace(core=[2]))
     task._first = lambda _: SimpleNamespace(levels=[q], steps=steps)
 
-    assert (module._Task._near_estimate(task, ()) is not None) is taken
+    assert (module._Task._near_estimate(task) is not None) is taken
