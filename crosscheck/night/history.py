@@ -132,15 +132,13 @@ def nights(path: Path) -> list[dict[str, Any]]:
     """Return the nights, oldest first, each with the worst digits of its methods."""
     with _opened(path, must_exist=True) as db:
         rows = db.execute("SELECT id, date, seed, verdict, scenes, new, known FROM night ORDER BY date, id").fetchall()
-        keys = ("id", "date", "seed", "verdict", "scenes", "new", "known")
-        kept = [dict(zip(keys, row, strict=True)) for row in rows]
+        kept = [dict(row) for row in rows]
         for night in kept:
             worst = db.execute(
                 "SELECT engine, method, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
                 (night.pop("id"),),
             )
-            names = ("engine", "method", "quantity", "digits_median", "digits_worst")
-            night["accuracy"] = [dict(zip(names, row, strict=True)) for row in worst]
+            night["accuracy"] = [dict(row) for row in worst]
         return kept
 
 
@@ -184,6 +182,7 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
             raise HistoryError(f"{path}: file is not a database")
     try:
         with closing(sqlite3.connect(path, timeout=30.0)) as db:
+            db.row_factory = sqlite3.Row
             db.executescript(TABLES)
             if db.execute("SELECT 1 FROM pragma_table_info('accuracy') WHERE name = 'route'").fetchone():
                 db.execute("ALTER TABLE accuracy RENAME COLUMN route TO method")  # of nights before 22 November 2026

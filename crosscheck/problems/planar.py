@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from crosscheck.problems.stated import TIMES, Family, Stated, ends, polynomial, stated, within
-from crosscheck.scenes.hard_case import pin
+from crosscheck.problems.stated import TIMES, Family, Stated, polynomial, stated, within
+from crosscheck.scenes.hard_case import ends, pin
 from refkin.joints import (
     GROUND,
     AngleDriver,

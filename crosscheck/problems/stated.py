@@ -51,11 +51,6 @@ def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driv
     return Stated(title, Mechanism(tuple(Body(name=name) for name in names), tuple(joints), held), **more)
 
 
-def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dict[str, Any]:
-    """Return the keys of the two points of a joint; that on j is its origin by default."""
-    return {"body_i": i, "point_i": p, "body_j": j, "point_j": q or (0.0,) * len(p)}
-
-
 def polynomial(*coefficients: float) -> Polynomial:
     """Return c0 + c1 t + ..."""
     return Polynomial(coefficients=coefficients)

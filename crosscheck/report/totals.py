@@ -42,10 +42,8 @@ class Coverage:
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self.decades.setdefault(name, Counter())[decade(value)] += 1
             else:
-                counts, text = (
-                    self.counts.setdefault(name, Counter()),
-                    "not applicable" if value is None else str(value),
-                )
+                counts = self.counts.setdefault(name, Counter())
+                text = "not applicable" if value is None else str(value)
                 counts[text if text in counts or len(counts) < MOST_VALUES else OTHERS] += 1
         if reference is not None:
             self.decades.setdefault("sigma_min", Counter())[decade(reference.sigma_min)] += 1

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.scenes.conformance_space import spatial_scenes
-from crosscheck.scenes.hard_case import pin
+from crosscheck.scenes.hard_case import ends, pin
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -84,59 +84,47 @@ def _scene(poses: dict[str, tuple[float, float, float]], *joints: Constraint, dr
 
 def _joints() -> Iterator[Question]:
     crank = {"crank": (0.21, 0.45, 1.13)}
-    guide: dict[str, Any] = {"body_i": GROUND, "axis_i": (0.6, 0.8)}
+    along = (0.6, 0.8)
     yield Question("revolute", FOUR_BAR.scene(law=WAVE, times=TIMES))
     yield Question("prismatic", SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=WAVE, times=TIMES))
-    slot = Prismatic(
-        name="slot",
-        body_i="lever",
-        point_i=(0.0, 0.3),
-        axis_i=(1.0, 0.2),
-        body_j="block",
-        point_j=(0.1, 0.0),
-        angle=0.4,
-    )
+    slot = Prismatic(name="slot", **ends("lever", (0.0, 0.3), "block", (0.1, 0.0)), axis_i=(1.0, 0.2), angle=0.4)
     pins = (pin("A", "crank", (0.5, 0.0), "block", (0.0, 0.0)), pin("B0", GROUND, (3.0, 0.0), "lever", (0.0, 0.0)))
     moving = {**crank, "block": (0.42, 0.91, 2.9), "lever": (3.0, 0.0, 2.5)}
     yield Question("prismatic between moving bodies", _scene(moving, CRANK, *pins, slot))
-    on_line = PointOnLine(name="line", **guide, point_i=(0.3, -0.2), body_j="rod", point_j=(2.5, 0.1))
+    on_line = PointOnLine(name="line", **ends(GROUND, (0.3, -0.2), "rod", (2.5, 0.1)), axis_i=along)
     inverted = InvertedSliderCrank(ground=3.0, crank=1.0, offset=0.3).scene(law=WAVE, times=TIMES)
     yield Question("point_on_line of a moving body", inverted)
     rod = {**crank, "rod": (0.42, 0.91, 0.66)}
     yield Question("point_on_line", _scene(rod, CRANK, pin("A", "crank", (0.5, 0.0), "rod", (0.0, 0.0)), on_line))
-    link = Distance(name="link", body_i="crank", point_i=(0.5, 0.0), body_j="rocker", point_j=(1.5, 0.0), length=3.5)
+    link = Distance(name="link", **ends("crank", (0.5, 0.0), "rocker", (1.5, 0.0)), length=3.5)
     pivot = pin("B0", GROUND, (4.0, 0.0), "rocker", (-1.5, 0.0))
     yield Question("distance", _scene({**crank, "rocker": (3.6, 1.45, 1.84)}, CRANK, pivot, link))
-    plate = Fixed(name="weld", body_i="crank", point_i=(0.5, 0.1), body_j="plate", point_j=(-0.3, 0.2), angle=0.4)
+    plate = Fixed(name="weld", **ends("crank", (0.5, 0.1), "plate", (-0.3, 0.2)), angle=0.4)
     yield Question("fixed", _scene({**crank, "plate": (0.54, 1.24, 1.53)}, CRANK, plate))
     wheel = {**crank, "wheel": (2.0, 0.5, -1.7)}
     axle = pin("W", GROUND, (2.0, 0.5), "wheel", (0.0, 0.0))
     mesh = Gear(name="mesh", body_i="crank", radius_i=1.2, body_j="wheel", radius_j=0.8, phi0_i=0.2, phi0_j=-0.3)
     yield Question("gear", _scene(wheel, CRANK, axle, mesh))
-    yield Question(
-        "internal gear", _scene({**wheel, "wheel": (2.0, 0.5, 1.1)}, CRANK, axle, replace(mesh, radius_j=-0.8))
-    )
-    rack_guide = Prismatic(name="guide", **guide, point_i=(0.0, 1.4), body_j="rack", point_j=(0.0, 0.0), angle=0.2)
-    teeth: dict[str, Any] = {"axis_i": (0.6, 0.8), "point_i": (0.1, 0.0), "body_j": "crank", "point_j": (-0.5, 0.0)}
-    rack = RackAndPinion(name="teeth", body_i="rack", **teeth, radius=0.7, phi0=0.3, s0=0.2)
+    inner = {**wheel, "wheel": (2.0, 0.5, 1.1)}
+    yield Question("internal gear", _scene(inner, CRANK, axle, replace(mesh, radius_j=-0.8)))
+    rack_guide = Prismatic(name="guide", **ends(GROUND, (0.0, 1.4), "rack"), axis_i=along, angle=0.2)
+    teeth = ends("rack", (0.1, 0.0), "crank", (-0.5, 0.0))
+    rack = RackAndPinion(name="teeth", **teeth, axis_i=along, radius=0.7, phi0=0.3, s0=0.2)
     yield Question("rack_and_pinion", _scene({**crank, "rack": (-1.2, -0.21, 0.2)}, CRANK, rack_guide, rack))
+    lift = Prismatic(name="guide", **ends(GROUND, (0.2, 0.0), "follower"), axis_i=(0.0, 1.0))
     for about, cam, height in _cams():
-        lift = Prismatic(
-            name="guide", body_i=GROUND, point_i=(0.2, 0.0), axis_i=(0.0, 1.0), body_j="follower", point_j=(0.0, 0.0)
-        )
         yield Question(about, _scene({**crank, "follower": (0.2, height, 0.0)}, CRANK, lift, cam))
 
 
 def _cams() -> Iterator[tuple[str, Cam, float]]:
     """Yield each follower on a disc off its pivot, and on a profile of its own, and how high it is at first [m]."""
-    ends: dict[str, Any] = {"name": "cam", "body_i": "crank", "body_j": "follower", "point_j": (0.0, 0.0)}
     law = Sinusoid(offset=1.0, amplitude=0.1, angular_frequency=1.0)
-    disc: dict[str, Any] = {"point_i": (-0.3, 0.1), "profile": Disc(radius=1.1)}
-    general: dict[str, Any] = {"point_i": (-0.5, 0.0), "profile": Polar(law=law)}
+    disc = {"name": "cam", **ends("crank", (-0.3, 0.1), "follower"), "profile": Disc(radius=1.1)}
+    general = {"name": "cam", **ends("crank", (-0.5, 0.0), "follower"), "profile": Polar(law=law)}
     for name, shape, heights in (("disc", disc, (1.32, 1.3, 1.58)), ("profile", general, (1.05, 1.0, 1.26))):
-        yield f"cam: flat on a {name}", Cam(**ends, **shape, follower="flat", normal_j=(0.0, 1.0)), heights[0]
-        yield f"cam: point on a {name}", Cam(**ends, **shape, follower="point"), heights[1]
-        yield f"cam: roller on a {name}", Cam(**ends, **shape, follower="roller", roller_radius=0.25), heights[2]
+        yield f"cam: flat on a {name}", Cam(**shape, follower="flat", normal_j=(0.0, 1.0)), heights[0]
+        yield f"cam: point on a {name}", Cam(**shape, follower="point"), heights[1]
+        yield f"cam: roller on a {name}", Cam(**shape, follower="roller", roller_radius=0.25), heights[2]
 
 
 def _drivers_and_laws() -> Iterator[Question]:
@@ -147,14 +135,13 @@ def _drivers_and_laws() -> Iterator[Question]:
     yield Question("x driven", slider.scene(law=travel, times=TIMES, driven="slider"))
     upright = replace(slider, angle=math.pi / 2)
     yield Question("y driven", upright.scene(law=travel, times=TIMES, driven="slider"))
-    ends: dict[str, Any] = {"body_i": GROUND, "point_i": (2.0, 0.0), "body_j": "crank", "point_j": (0.5, 0.0)}
-    piston = DistanceDriver(name="piston", **ends, law=replace(WAVE, offset=2.0, amplitude=0.4))
+    at = ends(GROUND, (2.0, 0.0), "crank", (0.5, 0.0))
+    piston = DistanceDriver(name="piston", **at, law=replace(WAVE, offset=2.0, amplitude=0.4))
     yield Question("distance driven", _scene({"crank": (0.04, 0.5, 1.48)}, CRANK, driver=piston))
     held: dict[str, Any] = {"body": "crank", "point": (0.5, 0.1), "law": replace(WAVE, offset=0.1, amplitude=0.3)}
-    yield Question(
-        "x of a point driven", _scene({"crank": (0.16, 0.47, 1.25)}, CRANK, driver=XDriver(name="x", **held))
-    )
-    yield Question("y of a point driven", _scene({"crank": (0.5, 0.06, 0.12)}, CRANK, driver=YDriver(name="y", **held)))
+    by_x, by_y = XDriver(name="x", **held), YDriver(name="y", **held)
+    yield Question("x of a point driven", _scene({"crank": (0.16, 0.47, 1.25)}, CRANK, driver=by_x))
+    yield Question("y of a point driven", _scene({"crank": (0.5, 0.06, 0.12)}, CRANK, driver=by_y))
     argument = np.linspace(-1.0, 3.0, 9)
     table = Table(argument=tuple(argument.tolist()), value=tuple(np.sin(argument).tolist()))
     laws: dict[str, Any] = {

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from crosscheck.scenes.hard_case import ends
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -75,51 +76,39 @@ def _joints(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "cylindrical", RSCR(crank=1.0, coupler=3.0, rocker=2.0, **ROCKER).scene(law=law, times=times)
     hooke = Hooke(beta=0.5).scene(law=law, times=times)
     yield "universal", hooke
-    ends: dict[str, Any] = {"body_i": "input", "point_i": AT, "body_j": "output", "point_j": AT}
-    cross = (
-        Spherical(name="S", **ends),
-        Perpendicular(name="pins", body_i="input", axis_i=X, body_j="output", axis_j=Y),
-    )
+    centre = Spherical(name="S", **ends("input", AT, "output", AT))
+    pins = Perpendicular(name="pins", body_i="input", axis_i=X, body_j="output", axis_j=Y)
     first, _, last = hooke.mechanism.joints
-    yield "perpendicular", replace(hooke, mechanism=replace(hooke.mechanism, joints=(first, *cross, last)))
+    yield "perpendicular", replace(hooke, mechanism=replace(hooke.mechanism, joints=(first, centre, pins, last)))
     line = Parallel(name="line", body_i=GROUND, axis_i=last.axis_i, zero_i=X, body_j="output", **FRAME)  # type: ignore[attr-defined]
     joints = (*hooke.mechanism.joints[:2], line)
     yield "parallel", replace(hooke, mechanism=replace(hooke.mechanism, joints=joints))
-    weld = SpatialFixed(
-        name="weld", body_i="crank", point_i=(0.5, 0.1, 0.2), axis_i=(0.0, 0.6, 0.8), zero_i=X, body_j="tool",
-        point_j=(-0.3, 0.2, 0.0), **FRAME,
-    )  # fmt: skip
-    yield (
-        "fixed",
-        _scene(times, {"crank": CRANK, "tool": (0.66, 1.16, 0.05, 0.8, -0.24, -0.04, 0.54)}, (HINGE, weld), motor),
-    )
-    ball = Spherical(name="S", body_i="crank", point_i=(0.5, 0.0, 0.0), body_j="rod", point_j=(-0.1, 0.0, 0.0))
-    ends = {"body_i": GROUND, "point_i": (0.0, 0.1, 0.3), "body_j": "rod", "point_j": (3.0, 0.0, 0.0)}
+    at = ends("crank", (0.5, 0.1, 0.2), "tool", (-0.3, 0.2, 0.0))
+    weld = SpatialFixed(name="weld", **at, axis_i=(0.0, 0.6, 0.8), zero_i=X, **FRAME)
+    carried = {"crank": CRANK, "tool": (0.66, 1.16, 0.05, 0.8, -0.24, -0.04, 0.54)}
+    yield "fixed", _scene(times, carried, (HINGE, weld), motor)
+    ball = Spherical(name="S", **ends("crank", (0.5, 0.0, 0.0), "rod", (-0.1, 0.0, 0.0)))
+    tip = ends(GROUND, (0.0, 0.1, 0.3), "rod", (3.0, 0.0, 0.0))
     poses = {"crank": (0.21, 0.45, 0.0, 0.84, 0.0, 0.0, 0.53), "rod": (0.52, 0.88, 0.0, 0.98, 0.0, 0.0, -0.15)}
     level = Parallel(name="level", body_i=GROUND, axis_i=Z, zero_i=X, body_j="rod", **FRAME)
-    wall = PointOnPlane(name="wall", **ends, axis_i=(0.1, 1.0, 0.2))
+    wall = PointOnPlane(name="wall", **tip, axis_i=(0.1, 1.0, 0.2))
     yield "point_on_plane", _scene(times, poses, (UPRIGHT, ball, level, wall), motor)
     keel = Perpendicular(name="keel", body_i=GROUND, axis_i=Z, body_j="rod", axis_j=Y)
-    rail = SpatialPointOnLine(name="rail", **ends, axis_i=(1.0, 0.1, 0.2))
+    rail = SpatialPointOnLine(name="rail", **tip, axis_i=(1.0, 0.1, 0.2))
     yield "point_on_line", _scene(times, poses, (UPRIGHT, ball, keel, rail), motor)
 
 
 def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
-    ends: dict[str, Any] = {"body_i": GROUND, "point_i": AT, "body_j": "nut", "point_j": (0.1, 0.0, 0.0)}
+    joint = {"name": "J", **ends(GROUND, AT, "nut", (0.1, 0.0, 0.0)), **ASKEW}
     poses = {"nut": (0.05, -0.05, 0.4, 0.84, 0.02, 0.13, 0.53)}
-    turn, lift = (
-        SpatialAngleDriver(name=MOTOR, joint="J", law=law),
-        Sinusoid(amplitude=0.1, angular_frequency=1.3, phase=0.4, offset=0.35),
-    )
+    turn = SpatialAngleDriver(name=MOTOR, joint="J", law=law)
+    lift = Sinusoid(amplitude=0.1, angular_frequency=1.3, phase=0.4, offset=0.35)
     shift = DisplacementDriver(name="lift", joint="J", law=lift)
-    screw = Screw(name="J", **ends, **ASKEW, pitch=0.125, shift=0.25)
+    screw = Screw(**joint, pitch=0.125, shift=0.25)
     yield "screw", _scene(times, poses, (screw,), turn)
     yield "screw, its shift driven", _scene(times, poses, (screw,), shift)
-    yield (
-        "cylindrical, both its motions driven",
-        _scene(times, poses, (Cylindrical(name="J", **ends, **ASKEW),), turn, shift),
-    )
-    slide = SpatialPrismatic(name="J", **ends, **ASKEW)
+    sleeve, slide = Cylindrical(**joint), SpatialPrismatic(**joint)
+    yield "cylindrical, both its motions driven", _scene(times, poses, (sleeve,), turn, shift)
     yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
     yield "distance driven", _boom(replace(lift, offset=1.2), times)
     yield "six distances driven", Stewart.three_three().scene(speed=1.3, law=law, times=times)
@@ -128,13 +117,8 @@ def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
 def _boom(law: DriveLaw, times: Times) -> Scene:
     """Return an arm on a hinge, which a cylinder of driven length lifts."""
     hinge = replace(HINGE, body_j="boom", point_j=AT, axis_i=(0.1, 1.0, 0.0), zero_i=X)
-    ends: dict[str, Any] = {
-        "body_i": GROUND,
-        "point_i": (1.0, 0.0, -0.25),
-        "body_j": "boom",
-        "point_j": (1.5, 0.0, 0.0),
-    }
-    cylinder = SpatialDistanceDriver(name="cylinder", **ends, law=law)
+    at = ends(GROUND, (1.0, 0.0, -0.25), "boom", (1.5, 0.0, 0.0))
+    cylinder = SpatialDistanceDriver(name="cylinder", **at, law=law)
     return _scene(times, {"boom": (0.0, 0.0, 0.0, 0.65, -0.68, -0.21, -0.28)}, (hinge,), cylinder)
 
 

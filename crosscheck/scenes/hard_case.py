@@ -29,7 +29,12 @@ UP, DOWN = (0.0, 1.0), (0.0, -1.0)
 
 def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) -> Revolute:
     """Return a revolute joint; on body j it is at the origin by default."""
-    return Revolute(name=name, body_i=i, point_i=point_i, body_j=j, point_j=point_j)
+    return Revolute(name=name, **ends(i, point_i, j, point_j))
+
+
+def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dict[str, Any]:
+    """Return the keys of the two points of a joint; that on j is its origin by default."""
+    return {"body_i": i, "point_i": p, "body_j": j, "point_j": q or (0.0,) * len(p)}
 
 
 @dataclass(frozen=True)

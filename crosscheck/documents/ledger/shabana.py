@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents import loops
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import shabana
 from crosscheck.engines import vector_loop
@@ -236,13 +236,8 @@ def two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[flo
     return Mechanism(tuple(Body(name=name) for name in "123"), joints, drivers)
 
 
-def d9(n: Arithmetic, given: Given) -> Values:
-    """Linear constraints whose Jacobian is singular: one of them twice."""
-    return {} if isinstance(n, Balls) else {"constraints": 3}
-
-
 def refkin_d9(given: Given) -> Values:
-    """Rank and determinant with bodies and drivers."""
+    """Linear constraints of which one stands twice: determinant and rank with bodies and drivers."""
     still = Polynomial(coefficients=(0.0,))
     drivers = (
         AngleDriver(name="once", body="b", law=still),
@@ -250,4 +245,5 @@ def refkin_d9(given: Given) -> Values:
         XDriver(name="x", body="b", law=still),
     )
     slope = compile_system(Mechanism((Body(name="b"),), (), drivers)).phi_q(np.zeros(3), 0.0)
-    return {"det": float(np.linalg.det(slope)), "rank": int(np.linalg.matrix_rank(slope))}
+    values = {"det": float(np.linalg.det(slope)), "rank": int(np.linalg.matrix_rank(slope))}
+    return {"constraints": len(drivers), **values}

@@ -164,27 +164,11 @@ def _velocities(axis_j: Triple, at_j: Triple, touched: Triple) -> Any:
     return np.array([motion.points[body].v[:, 0] for body in places])  # type: ignore[index]
 
 
-def _bevel(cone_i: float, cone_j: float) -> float:
-    """Return the ratio of rates with which two cones of one apex do not slide on the line in which they touch."""
-    shaft = cone_i + cone_j
-    v, w = _velocities((np.sin(shaft), 0.0, np.cos(shaft)), (0.0, 0.0, 0.0), (np.sin(cone_i), 0.0, np.cos(cone_i)))
-    return float(v @ w / (w @ w))
-
-
-def _helical(a_i: float, a_j: float, helix_i: float, helix_j: float) -> float:
-    """Return the ratio of rates with which the teeth of two crossed helical gears, touching on the x axis, keep up."""
-    crossed = helix_i + helix_j
-    axis = (0.0, -np.sin(crossed), np.cos(crossed))
-    v, w = _velocities(axis, (a_i + a_j, 0.0, 0.0), (a_i, 0.0, 0.0))
-    normal = np.array([0.0, np.cos(helix_i), np.sin(helix_i)])  # across the teeth, which lie at helix_i to the axis
-    return float(v @ normal / (w @ normal))
-
-
 def refkin_d22(given: Given) -> Values:
     """The same with gear and rack as joints; bevel and helical ones by velocities where two bodies of space touch."""
     n = Binary64()
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
-    cones, helices = numbers(n, given, "cone_i", "cone_j"), numbers(n, given, "helix_i", "helix_j")
+    cone_i, cone_j, helix_i, helix_j = numbers(n, given, "cone_i", "cone_j", "helix_i", "helix_j")
     origin = (0.0, 0.0)
     wheels = tuple(
         Revolute(name=f"axle {name}", body_i=GROUND, point_i=at, body_j=name, point_j=origin)
@@ -193,11 +177,18 @@ def refkin_d22(given: Given) -> Values:
     drive = AngleDriver(name="input", body="i", law=Polynomial(coefficients=(turned,)))
     mesh = Gear(name="mesh", body_i="i", radius_i=a_i, body_j="j", radius_j=a_j)
     pair = compile_system(Mechanism((Body(name="i"), Body(name="j")), (*wheels, mesh), (drive,)))
+    # Two cones of one apex do not slide on the line in which they touch; the teeth of two crossed helical gears, which
+    # touch on the x axis and lie at helix_i to the axis, keep up across them.
+    shaft, crossed = cone_i + cone_j, helix_i + helix_j
+    on_cones = (np.sin(cone_i), 0.0, np.cos(cone_i))
+    v, w = _velocities((np.sin(shaft), 0.0, np.cos(shaft)), (0.0, 0.0, 0.0), on_cones)
+    at_teeth = _velocities((0.0, -np.sin(crossed), np.cos(crossed)), (a_i + a_j, 0.0, 0.0), (a_i, 0.0, 0.0))
+    along_i, along_j = at_teeth @ np.array([0.0, np.cos(helix_i), np.sin(helix_i)])
     return {
         "spur: theta_j": position(pair, np.zeros(6), 0.0).q[5],
         "rack: travel": _rack(radius, turned),
-        "bevel: omega_j / omega_i": _bevel(*cones),
-        "helical: omega_j / omega_i": _helical(a_i, a_j, *helices),
+        "bevel: omega_j / omega_i": float(v @ w / (w @ w)),
+        "helical: omega_j / omega_i": float(along_i / along_j),
     }
 
 
@@ -259,12 +250,7 @@ def refkin_d23(given: Given) -> Values:
     return {"velocity": list(map(float, by_formula[0])), "acceleration": list(map(float, by_formula[1]))}
 
 
-def d24(n: Arithmetic, given: Given) -> Values:
-    """Mobility 0: three pins between two links and the ground; nothing but the count is to be computed."""
-    return {}
-
-
 def refkin_d24(given: Given) -> Values:
-    """The count, and what it is called."""
+    """Mobility 0, three pins between two links and the ground: the count, and what it is called."""
     counted = gruebler([tuple(joint) for joint in given["joints"]])
     return {"mobility": counted.mobility, "name": counted.kind}

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.systems import Number, SquareSystem, scalar
-from refkin.joints import GROUND, DistanceDriver, Prismatic, Revolute
+from crosscheck.scenes.hard_case import ends, pin
+from refkin.joints import GROUND, DistanceDriver, Prismatic
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 
@@ -113,17 +114,15 @@ def problem_356_mechanism(ground: float = 0.6, link: float = 0.25) -> Mechanism:
 
     The frame of the rod is the point (x2, y2), where it carries the rocker; the length is 0.4 + 0.1 t.
     """
-    pin, at_pin = (0.0, 0.0), (0.0, link)
+    origin = (0.0, 0.0)
     joints = (
-        Revolute(name="foot", body_i=GROUND, point_i=(0.0, 0.0), body_j="cylinder", point_j=(0.0, 0.0)),
-        Prismatic(
-            name="bore", body_i="cylinder", point_i=(0.0, 0.0), axis_i=(1.0, 0.0), body_j="rod", point_j=(0.0, 0.0)
-        ),
-        Revolute(name="pin", body_i="rod", point_i=pin, body_j="rocker", point_j=at_pin),
-        Revolute(name="pivot", body_i=GROUND, point_i=(ground, 0.0), body_j="rocker", point_j=(0.0, 0.0)),
+        pin("foot", GROUND, origin, "cylinder"),
+        Prismatic(name="bore", **ends("cylinder", origin, "rod"), axis_i=(1.0, 0.0)),
+        pin("pin", "rod", origin, "rocker", (0.0, link)),
+        pin("pivot", GROUND, (ground, 0.0), "rocker"),
     )
     law = Polynomial(coefficients=(0.4, 0.1))
-    stroke = DistanceDriver(name="stroke", body_i=GROUND, point_i=(0.0, 0.0), body_j="rod", point_j=pin, law=law)
+    stroke = DistanceDriver(name="stroke", **ends(GROUND, origin, "rod"), law=law)
     return Mechanism(tuple(Body(name=name) for name in ("cylinder", "rod", "rocker")), joints, (stroke,))
 
 
