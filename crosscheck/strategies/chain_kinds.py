@@ -54,13 +54,9 @@ class Frames:
         v = e * cmath.exp(-1j * self.own[body][1])
         return v.real, v.imag
 
-    def turned(self, body: str) -> float:
-        """Return the angle of a body's frame against its plain one; on the ground against the plane."""
-        return self.own[body][1]
-
     def apart(self, i: str, j: str) -> float:
         """Return what the frames add to the angle of j against i."""
-        return self.turned(j) - self.turned(i)
+        return self.own[j][1] - self.own[i][1]
 
     def on_ground(self, place: Place, body: str) -> tuple[float, float, float]:
         """Return the coordinates of a body, from its place in the plane."""

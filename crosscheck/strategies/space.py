@@ -7,7 +7,7 @@ on purpose (`Region`).
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,9 +65,8 @@ def _spatial(
     plan = KINDS[kind][0](draw, region, 1.0 if branch is Branch.OPEN else -1.0, decades)
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
     law = draw_law(draw, *plan.span, duration, monotone=True)
-    scene = _scene(
-        draw, plan, law, size, tuple(np.linspace(0.0, duration, samples).tolist()), f"{kind} {branch}, {plan.region}"
-    )
+    times = tuple(np.linspace(0.0, duration, samples).tolist())
+    scene = _scene(draw, plan, law, size, times, f"{kind} {branch}, {plan.region}")
     return Spatial(scene, kind, branch, plan.room, plan.region)
 
 
@@ -84,7 +83,7 @@ def _scene(draw: DrawFn, plan: Plan, law: Law, size: float, times: tuple[float, 
             a = a @ turn(direction(draw, f"axis of {body}"), draw(ANGLES, label=f"turn of {body}"))
             r = r + np.array([draw(COORDINATES, label=f"frame of {body}") for _ in range(3)])
         frames[body] = (size * (apart + place @ r), place @ a)
-    pose = _Scaled(frames, place=place, apart=apart, size=size)
+    pose = Pose(frames, place, apart, size)
     plan.joints(pose)
     bodies = tuple(Body(name=body, estimate=_rough(*frames[body], size)) for body in plan.bodies)
     drivers: list[Any] = [joint for joint in pose.joints if isinstance(joint, SpatialDistanceDriver)]
@@ -94,21 +93,6 @@ def _scene(draw: DrawFn, plan: Plan, law: Law, size: float, times: tuple[float, 
     if plan.driven:
         drivers.append(SpatialAngleDriver(name="driver", joint=plan.driven, **law_keys(law)))
     return Scene(mechanism=Mechanism(bodies, joints, tuple(drivers)), times=times, name=name)
-
-
-@dataclass
-class _Scaled(Pose):
-    """A pose whose joints are given in cranks, before it was put in its place."""
-
-    place: Array = None
-    apart: Array = None
-    size: float = 1.0
-
-    def local(self, body: str, point: Array) -> tuple[float, ...]:
-        return super().local(body, self.size * (self.apart + self.place @ point))
-
-    def turned(self, body: str, axis: Array) -> tuple[float, ...]:
-        return super().turned(body, self.place @ axis)
 
 
 def _reversed(joint: Any) -> Any:

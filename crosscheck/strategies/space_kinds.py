@@ -219,8 +219,7 @@ def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     bodies = {"nut": (nut, turn(Z, span[0])), "slider": (end, axis)}
 
     def joints(pose: Pose) -> None:
-        scale = getattr(pose, "size", 1.0)
-        turns = {"pitch": pitch * scale, "shift": shift * scale, "zero_i": X, "zero_j": crank(span[0])}
+        turns = {"pitch": pitch * pose.size, "shift": shift * pose.size, "zero_i": X, "zero_j": crank(span[0])}
         pose.add(Screw, "H", GROUND, "nut", np.zeros(3), Z, at_j=nut, **turns)
         link(pose, "nut", "slider", (tip, end), "rod", False)
         pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
@@ -324,12 +323,11 @@ def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
     speed = draw(st.floats(0.5, 2.0), label="speed")
 
     def joints(out: Pose) -> None:
-        scale = getattr(out, "size", 1.0)
         legs: Any = stewart.drivers(Polynomial(coefficients=(0.0, speed)))
         for leg in legs:
             stroke = leg.law.amplitude
             home = leg.law.offset - stroke * math.sin(leg.law.phase)
-            law = replace(leg.law, amplitude=scale * stroke, offset=scale * home)
+            law = replace(leg.law, amplitude=out.size * stroke, offset=out.size * home)
             top = np.array([*leg.point_j[:2], leg.point_j[2] + lengths[1]])
             out.add(SpatialDistanceDriver, leg.name, GROUND, "platform", np.array(leg.point_i), at_j=top, law=law)
 

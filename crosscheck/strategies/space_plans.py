@@ -50,22 +50,28 @@ class Region(Member):
 
 @dataclass
 class Pose:
-    """A mechanism at the first time: frames of bodies on the ground, and joints by points and axes there."""
+    """A mechanism at the first time: frames of bodies on the ground, and what is added to it of joints there.
+
+    Points and axes of joints are given in cranks of `size` [m], before they are turned by `place` and shifted `apart`.
+    """
 
     frames: dict[str, tuple[Array, Array]]
+    place: Array
+    apart: Array
+    size: float
     joints: list[Any] = field(default_factory=list)
 
     def local(self, body: str, point: Array) -> tuple[float, ...]:
-        """Return a point of the ground frame in a body's."""
+        """Return a point in a body's frame."""
         r, a = self.frames[body]
-        return tuple((a.T @ (point - r)).tolist())
+        return tuple((a.T @ (self.size * (self.apart + self.place @ point) - r)).tolist())
 
     def turned(self, body: str, axis: Array) -> tuple[float, ...]:
-        """Return a direction of the ground frame in a body's."""
-        return tuple((self.frames[body][1].T @ axis).tolist())
+        """Return a direction in a body's frame."""
+        return tuple((self.frames[body][1].T @ (self.place @ axis)).tolist())
 
     def add(self, kind: Any, name: str, i: str, j: str, point: Array, axis: Array = None, **more: Any) -> None:
-        """Add a joint at a point, its axes along one direction; `zero_i`, `zero_j`, `axis_j` of the ground frame."""
+        """Add a joint at a point, its axes along one direction; also `zero_i`, `zero_j`, `axis_j`, `at_j`."""
         ends: dict[str, Any] = {"point_i": self.local(i, point), "point_j": self.local(j, more.pop("at_j", point))}
         if axis is not None:
             ends |= {"axis_i": self.turned(i, axis), "axis_j": self.turned(j, more.pop("axis_j", axis))}
@@ -238,7 +244,7 @@ def link(pose: Pose, i: str, j: str, ends: tuple[Array, Array], name: str, whole
         pose.add(Spherical, f"{name} S1", i, name, ends[0])
         pose.add(Spherical, f"{name} S2", name, j, ends[1])
     else:
-        length = float(np.linalg.norm(ends[1] - ends[0])) * getattr(pose, "size", 1.0)
+        length = float(np.linalg.norm(ends[1] - ends[0])) * pose.size
         pose.add(SpatialDistance, name, i, j, ends[0], at_j=ends[1], length=length)
 
 
