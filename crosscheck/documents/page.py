@@ -44,25 +44,21 @@ def documents() -> dict[str, Any]:
     return {
         "titles": dict(read().documents),
         "closing": closing(rows),
-        "rows": [_row(row) for row in rows],
-        "errata": [_erratum(row, e) for row in rows for e in row["errata"]],
+        "rows": [
+            {**{key: row[key] for key in OF_ROW}, **tally(row), "errata": sum(e["counts"] for e in row["errata"])}
+            for row in rows
+        ],
+        "errata": [
+            {"row": row["id"], "document": row["document"], **{key: e[key] for key in OF_ERRATUM}}
+            | {"printed": digits_told(row, e)}
+            for row in rows
+            for e in row["errata"]
+        ],
     }
 
 
-def _row(row: dict[str, Any]) -> dict[str, Any]:
-    keys = ("id", "document", "item", "status", "inferred", "open", "failures", "computed_by")
-    return {**{key: row[key] for key in keys}, **tally(row), "errata": sum(e["counts"] for e in row["errata"])}
-
-
-def _erratum(row: dict[str, Any], erratum: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "row": row["id"],
-        "document": row["document"],
-        "kind": erratum["kind"],
-        "cause": erratum["cause"],
-        "reading": erratum["reading"],
-        "printed": digits_told(row, erratum),
-    }
+OF_ROW = ("id", "document", "item", "status", "inferred", "open", "failures", "computed_by")
+OF_ERRATUM = ("kind", "cause", "reading")
 
 
 def tally(row: dict[str, Any]) -> dict[str, int]:

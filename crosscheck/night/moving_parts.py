@@ -135,7 +135,10 @@ class SceneDrawing:
         k = sample.k
         if k not in self.shown:
             return None
-        errors = self._in_metres(sample.off)
+        # Signed errors in scaled coordinates become those in metres and rad, or in Euler parameters.
+        size, lengths = self.scene.mechanism.size(), self.scene.mechanism.kind.dimension
+        scales = np.tile([size] * lengths + [1.0] * (self.width - lengths), len(self.names))
+        errors = sample.off * scales[:, None]
         off, q = np.nan_to_num(errors[:, k]), self.motion.q[:, k]
         picture = {"digits": sample.digits, "time": float(self.motion.t[k]), "pose": self._frame(q)}
         if level == 0:
@@ -156,11 +159,6 @@ class SceneDrawing:
     def _turned(self, off: Any) -> float:
         """Return by how much an error turns a body at most [rad]."""
         return float(np.max(np.abs(off[2::3])))
-
-    def _in_metres(self, off: Any) -> Any:
-        """Return signed errors in scaled coordinates in metres and rad, or Euler parameters."""
-        size, lengths = self.scene.mechanism.size(), self.scene.mechanism.kind.dimension
-        return off * np.tile([size] * lengths + [1.0] * (self.width - lengths), len(self.names))[:, None]
 
     def _cycle(self, errors: Any) -> dict[str, Any] | None:
         """Return the engine's answer in every frame, one factor for all: the smallest of those that suit a frame."""

@@ -85,7 +85,11 @@ def timed_in_turns(
             if not long:
                 work()
             turns[name].append(_turn(work, count) / count)
-    return {name: _timing(seconds) for name, seconds in turns.items()}
+    timings = {}
+    for name, seconds in turns.items():
+        least, middle = min(seconds), sorted(seconds)[len(seconds) // 2]
+        timings[name] = Timing(seconds=least, spread=middle / least - 1.0, turns=tuple(seconds))
+    return timings
 
 
 def seconds_of(process: int) -> float | None:
@@ -118,8 +122,3 @@ def _turn(work: Callable[[], object], count: int) -> float:
     finally:
         if collecting:
             gc.enable()
-
-
-def _timing(seconds: list[float]) -> Timing:
-    least, middle = min(seconds), sorted(seconds)[len(seconds) // 2]
-    return Timing(seconds=least, spread=middle / least - 1.0, turns=tuple(seconds))
