@@ -96,7 +96,8 @@ class Meet(Term):
         return [((*(-n).parts, *(-x for x in a)), (*n.parts, *b)) for n, a, b in zip(AXES, of_i, of_j, strict=True)]
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        return (-Gap(g, i, j).drift).parts
+        drift: Vec3 = i.drift(Vec3(*g[:3])) - j.drift(Vec3(*g[3:6]))
+        return drift.parts
 
 
 class Across(Term):
@@ -208,7 +209,13 @@ class Crossed(Term):
 
 def relative(g: Any, i: SpatialValues, j: SpatialValues) -> Quaternion:
     """Return the Euler parameters that lead from the frame on body i to that on body j."""
-    return _turned(i.p, g[:4]).conj().times(_turned(j.p, g[4:8]))
+    a, b = _frames(g, i.p, j.p)
+    return a.times(b)
+
+
+def _frames(g: Any, p_i: Quaternion, p_j: Quaternion) -> tuple[Quaternion, Quaternion]:
+    """Return conj(p_i c_i) and p_j c_j, of Euler parameters or of their rates."""
+    return _turned(p_i, g[:4]).conj(), _turned(p_j, g[4:8])
 
 
 def _turned(p: Quaternion, c: Any) -> Quaternion:
@@ -217,8 +224,8 @@ def _turned(p: Quaternion, c: Any) -> Quaternion:
 
 def _of_rates(g: Any, i: SpatialValues, j: SpatialValues) -> tuple[Quaternion, Quaternion]:
     """Return the rate of the relative parameters, and half of what of their second rate holds no acceleration."""
-    a, b, ad, bd = _turned(i.p, g[:4]), _turned(j.p, g[4:8]), _turned(i.pd, g[:4]), _turned(j.pd, g[4:8])
-    return ad.conj().times(b) + a.conj().times(bd), ad.conj().times(bd)
+    (a, b), (ad, bd) = _frames(g, i.p, j.p), _frames(g, i.pd, j.pd)
+    return ad.times(b) + a.times(bd), ad.times(bd)
 
 
 class Turn(Term):
@@ -234,15 +241,15 @@ class Turn(Term):
         return turns(c)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        e = relative(g, i, j).v.parts
-        return tuple(2 * e[k] for k in self.places)
+        a, b = _frames(g, i.p, j.p)
+        return tuple(2 * a.part(b, k) for k in self.places)
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
         return turn_slopes(g, i, j, [lambda x, sign, k=k: x.times_axis(k) for k in self.places])
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        e = _of_rates(g, i, j)[1].v.parts
-        return tuple(-4 * e[k] for k in self.places)
+        a, b = _frames(g, i.pd, j.pd)
+        return tuple(-4 * a.part(b, k) for k in self.places)
 
 
 def turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) -> list[Row]:

@@ -75,6 +75,11 @@ class Quaternion:
         vector = other.v * self.a + self.v * other.a + self.v.cross(other.v)
         return Quaternion(self.a * other.a - self.v.dot(other.v), vector)
 
+    def part(self, other: Quaternion, k: int) -> Scalar:
+        """Return the k-th number, 0, 1, 2, of the vector part of the product, and compute no other."""
+        u, w, x, y = self.v.parts, other.v.parts, (k + 1) % 3, (k + 2) % 3
+        return w[k] * self.a + u[k] * other.a + (u[x] * w[y] - u[y] * w[x])
+
     def conj(self) -> Quaternion:
         """Return the conjugate: the turn back."""
         return Quaternion(self.a, -self.v)
@@ -125,6 +130,10 @@ class SpatialValues:
         """Return a body-fixed vector as it is turned with the body."""
         return Arm(self, Vec3(x, y, z))
 
+    def drift(self, u: Vec3) -> Vec3:
+        """Return the part of (A u)'' that holds no p'', of a body-fixed vector: 2 A(p') u."""
+        return turned(self.pd, u)[2] * 2
+
     def point_motion(self, u: tuple[float, ...], qd: Any, qdd: Any) -> Iterator[Triple | None]:
         """Yield r = R + A u, v = R' + (A u)' and a = R'' + (A u)'' of a point of the body; None for rates not given."""
         arm = self.arm(*u)
@@ -172,5 +181,5 @@ class Arm:
 
     @property
     def drift(self) -> Vec3:
-        """The part of (A u)'' that holds no p'': 2 A(p') u."""
-        return turned(self.body.pd, self.u)[2] * 2
+        """The part of (A u)'' that holds no p''."""
+        return self.body.drift(self.u)
