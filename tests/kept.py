@@ -90,10 +90,10 @@ def write(file: Path, said: dict[str, Any]) -> None:
 
 def on_every_processor(module: str, *asked: str) -> dict[str, Any]:
     """Return what a module that prints its answers as JSON, by name, says on all processors."""
-    command, result = [sys.executable, "-m", module, "--print", *asked], {}
-    for kind in PROCESSORS:
-        environment = {**os.environ, **({"OPENBLAS_CORETYPE": kind} if kind else {})}
-        done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
-        said = json.loads(done.stdout)
-        result = {name: same(result[name], said[name]) for name in result.keys() & said.keys()} if result else said
-    return result
+    command = [sys.executable, "-m", module, "--print", *asked]
+    environments = [{**os.environ, **({"OPENBLAS_CORETYPE": kind} if kind else {})} for kind in PROCESSORS]
+    running = [subprocess.Popen(command, env=each, stdout=subprocess.PIPE, text=True) for each in environments]
+    first, *others = [json.loads(each.communicate()[0]) for each in running]
+    for said in others:
+        first = {name: same(first[name], said[name]) for name in first}
+    return first
