@@ -205,8 +205,9 @@ def residual_error(sparse: Any, q: Any, t: float) -> Any:
         return BodyValues(*(Running(q[start + k], U * np.abs(q[start + k])) for k in range(3)))
 
     out = np.zeros(len(q))
-    for group in sparse.groups:
-        residual = group.formulas.residual(group.g, group.given(None, t, 0), *(values(start) for start in group.starts))
-        for row, value in zip(group.rows, residual, strict=True):
+    for p in sparse.grouped.placed:
+        f = p.constraint.inputs(t, sparse.system.unit, 0)
+        residual = p.constraint.residual(p.g, f, *map(values, p.starts))
+        for row, value in zip(p.constraint.at, residual, strict=True):
             out[row] = value.error
     return out

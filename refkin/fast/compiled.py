@@ -14,11 +14,10 @@ from threading import RLock
 from typing import Any
 
 from refkin.fast.elimination.eliminate import Eliminated, Elimination, NotReducible
-from refkin.fast.elimination.program import Program
+from refkin.fast.elimination.program import Program, Single, compile_single
 from refkin.fast.elimination.prove import proof_of
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
-from refkin.fast.elimination.single import Single, compile_single
 from refkin.fast.elimination.trace import Known, known_of, trace
 from refkin.proof.numbers.symbols import Graph
 from refkin.system import System

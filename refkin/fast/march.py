@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.fast.elimination.single import Answer, Single
+from refkin.fast.elimination.program import Answer, Single
 from refkin.newton import contracts
 
 FAR = 1e-2

@@ -99,6 +99,8 @@ class SparseSystem:
     ----------
     system : System
         With as many rows as coordinates.
+    grouped : System
+        The same with constraints of one kind as one: rows for numbers, `at` for the rows of phi.
     """
 
     def __init__(self, system: System) -> None:

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.answer import motion
+from refkin.fast.elimination.program import Answer, Single
 from refkin.fast.elimination.run import Workspace, block_samples
-from refkin.fast.elimination.single import Answer, Single
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene

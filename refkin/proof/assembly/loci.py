@@ -127,8 +127,8 @@ def root(x: Ball) -> Ball:
     return half + half * arb(0, 1)
 
 
-def length(v: Vec) -> Ball:
-    """Return |v|."""
+def length(v: Any) -> Ball:
+    """Return |v|, of the plane or of space."""
     return root(v.dot(v))
 
 

@@ -37,7 +37,7 @@ from refkin.joints import (
 from refkin.joints.spatial_frames import frame
 from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.closed_form import DeadEnd
-from refkin.proof.assembly.loci import Ball, below
+from refkin.proof.assembly.loci import Ball, below, length, root
 from refkin.proof.assembly.rows import PointRow, RowKind
 from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined
 from refkin.proof.numbers.exact import exact
@@ -59,8 +59,8 @@ def certain_miss(system: System, t: float) -> DeadEnd | None:
     """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
     with ctx.workprec(PRECISION):
         reader = _Reader(system, t)
-        for link, near, far, body, length in reader.links():
-            gap = reader.gap(near, far, body, length)
+        for link, near, far, body, reach in reader.links():
+            gap = reader.gap(near, far, body, reach)
             if gap is not None and gap > 0:
                 metres = below(gap) * system.unit.size
                 words = f"{link} does not reach {body}: at least {metres:.6g} m are missing"
@@ -133,24 +133,24 @@ class _Reader:
         for c in self.mechanism.constraints:
             for e in exact(tuple(c.elements())):
                 if isinstance(e, SpatialPointDistance):
-                    length = e.laws[0](self.t, 0) if e.laws else e.length
-                    links.append((c.name, e.ends, abs(length) / self.scale.size))  # a law may be negative
+                    reach = e.laws[0](self.t, 0) if e.laws else e.length
+                    links.append((c.name, e.ends, abs(reach) / self.scale.size))  # a law may be negative
         for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
             joints = [c for c in self.mechanism.joints if len(spin.keys() & {*c.bodies}) == 1]
             held = [e for c in joints for e in exact(tuple(c.elements()))]
             own = [end for e in held for end in e.ends if end[0] in spin]
             if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:
                 ends = tuple(next(end for end in e.ends if end[0] not in spin) for e in held)
-                links.append((own[0][0], ends, _length(self._vector(own[0][1]) - self._vector(own[1][1]))))
-        for name, ends, length in links:
+                links.append((own[0][0], ends, length(self._vector(own[0][1]) - self._vector(own[1][1]))))
+        for name, ends, reach in links:
             for (a, u), (b, v) in (ends, ends[::-1]):
                 if a in self.places:
-                    yield name, self.places[a](u), v, b, length
+                    yield name, self.places[a](u), v, b, reach
 
-    def gap(self, near: Vec3, u: Any, body: str, length: Ball) -> Ball | None:
+    def gap(self, near: Vec3, u: Any, body: str, reach: Ball) -> Ball | None:
         """Return by how much a link misses all places that a point of a body may be at; None if that is not known."""
         if body in self.places:
-            return abs(_length(self.places[body](u) - near) - length)
+            return abs(length(self.places[body](u) - near) - reach)
         for plain, c in self.joints.values():
             kinds = {type(e) for e in plain.elements()}
             if GROUND not in plain.bodies or body not in plain.bodies or not (kinds == HINGE or kinds >= LOOSE):
@@ -162,31 +162,23 @@ class _Reader:
             if kinds == HINGE:
                 _, _, turning = frame(getattr(c, f"axis_{j}"), None)
                 height = own.dot(turning)
-                radius, w = _length(own - turning * height), near - at - h * height
+                radius, w = length(own - turning * height), near - at - h * height
                 up = w.dot(h)
-                beside = _length(w - h * up)
-                nearest, furthest = (_root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
-                return max([nearest - length, length - furthest], key=below)
+                beside = length(w - h * up)
+                nearest, furthest = (root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
+                return max([nearest - reach, reach - furthest], key=below)
             if kinds != SLIDE:
-                return abs(across(near - at, h) - across(own, frame(getattr(c, f"axis_{j}"), None)[2])) - length
+                return abs(across(near - at, h) - across(own, frame(getattr(c, f"axis_{j}"), None)[2])) - reach
             rest = frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
             f, g, _ = frame(axis, getattr(c, f"zero_{i}"))
             w = near - at - f * own.dot(rest[0]) - g * own.dot(rest[1])
-            return _length(w - h * w.dot(h)) - length
+            return length(w - h * w.dot(h)) - reach
         return None
 
 
 def across(v: Vec3, h: Vec3) -> Ball:
     """Return how far a vector leads from a line along h."""
-    return _length(v - h * v.dot(h))
-
-
-def _length(v: Vec3) -> Ball:
-    return _root(v.dot(v))
-
-
-def _root(square: Any) -> Ball:
-    return arb(square).max(arb(0)).sqrt()
+    return length(v - h * v.dot(h))
 
 
 def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -> Iterator[Any]:

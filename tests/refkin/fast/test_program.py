@@ -205,8 +205,8 @@ def test_threads_do_not_share_registers():
 def test_the_source_of_a_program_holds_nothing_of_the_scene():
     """Names come from scene files of anybody; what is compiled to Python holds registers and numbers alone."""
     from refkin.fast.compiled import compiled
+    from refkin.fast.elimination.program import source
     from refkin.fast.elimination.schedule import schedule
-    from refkin.fast.elimination.single import source
 
     from .scenes import system_of
 
@@ -221,22 +221,22 @@ def test_the_source_of_a_program_holds_nothing_of_the_scene():
 
 
 def test_a_block_inverted_for_one_mechanism_says_its_sign_its_size_and_its_inverse():
-    from refkin.fast.elimination import single
+    from refkin.fast.elimination import program
 
     for seed in range(4):
         matrix = np.random.default_rng(seed).uniform(-1.0, 1.0, (4, 4))
-        sign, size, inverse = single._inverse(4, *matrix.ravel().tolist())
+        sign, size, inverse = program._inverse(4, *matrix.ravel().tolist())
 
         assert sign == np.sign(np.linalg.det(matrix))
         assert size == pytest.approx(1 / np.linalg.norm(np.linalg.inv(matrix), np.inf))
         assert np.max(np.abs(inverse @ matrix - np.eye(4))) < 1e-13
     with pytest.raises(ZeroDivisionError):
-        single._inverse(2, 1.0, 2.0, 2.0, 4.0)
+        program._inverse(2, 1.0, 2.0, 2.0, 4.0)
 
 
 def test_a_block_whose_entries_left_all_numbers_has_no_inverse_and_warns_nobody():
     """A step that diverges does it: NumPy warned in a user's program."""
-    from refkin.fast.elimination import single
+    from refkin.fast.elimination import program
 
     with pytest.raises(OverflowError, match="without a finite inverse"):
-        single._inverse(2, np.nan, 1.0, 0.0, np.nan)
+        program._inverse(2, np.nan, 1.0, 0.0, np.nan)
