@@ -12,7 +12,7 @@ from crosscheck.documents import loops
 from crosscheck.documents.convergence import ResidualOrCorrection
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.systems import SquareSystem, me581, metu, printed
+from crosscheck.documents.systems import SquareSystem, me581, metu
 from crosscheck.engines import vector_loop
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
@@ -35,7 +35,8 @@ def b1(n: Arithmetic, given: Given) -> Values:
     cubic = [newton(*sketches["c"][:2], start).q[0] for start in (0.4, 0.46, 0.6)]
     test = ResidualOrCorrection(1e-8, 1e-8)
     quadratic = me581.quadratic()
-    stopped = newton(*quadratic, 2.5, stop=lambda f, dx, x: printed.stops_without_absolute_value(f[0], dx[0]))
+    # The test as printed, F < 1e-8 or x(k+1) - x(k) < 1e-8: any negative number stops.
+    stopped = newton(*quadratic, 2.5, stop=lambda f, dx, x: bool(f[0] < 1e-8 or dx[0] < 1e-8))
     return {
         "status": [runs[key].status.name for key in "abcd"],
         "(c): roots from 0.4, 0.46, 0.6": [round(float(x)) for x in cubic],
@@ -43,6 +44,34 @@ def b1(n: Arithmetic, given: Given) -> Values:
         "the same with the printed test": stopped.iterations,
         "x where the printed test stops": stopped.q[0],
     }
+
+
+# What section 3.9 prints wrong, as it is printed: for nothing but to show that it is wrong.
+
+
+def with_printed_jacobian(m: metu.Slotted) -> SquareSystem:
+    """Return the coupled example with its Jacobian as printed: entries (3,2) and (3,4) have the wrong sign."""
+    right = metu.slotted(m)
+
+    def phi_q(q: Any) -> Any:
+        out = right.phi_q(q)
+        out[2, 1], out[2, 3] = -out[2, 1], -out[2, 3]
+        return out
+
+    return SquareSystem(right.phi, phi_q)
+
+
+def with_printed_residual(m: metu.Slotted) -> SquareSystem:
+    """Return the coupled example with its right side as printed: the first two rows have theta14 for theta15."""
+    right = metu.slotted(m)
+
+    def phi(q: Any) -> Any:
+        out = right.phi(q)
+        out[0] = out[0] + m.a5 * (np.cos(q[0]) - np.cos(q[1]))
+        out[1] = out[1] + m.a5 * (np.sin(q[0]) - np.sin(q[1]))
+        return out
+
+    return SquareSystem(phi, right.phi_q)
 
 
 def coupled(n: Arithmetic, given: Given) -> tuple[metu.Slotted, Any, Any]:
@@ -60,8 +89,8 @@ def b2(n: Arithmetic, given: Given) -> Values:
     m, pose, start = coupled(n, given)
     system = metu.slotted(m)
     wrong = {
-        "printed Jacobian": printed.metu_with_printed_jacobian(m),
-        "printed right side": printed.metu_with_printed_residual(m),
+        "printed Jacobian": with_printed_jacobian(m),
+        "printed right side": with_printed_residual(m),
     }
     values: Values = {
         "error": [_largest(q - pose) for q in n.newton(system, start, 4).iterates],

@@ -13,7 +13,7 @@ square system. The numbers that are passed in decide the arithmetic: floats, com
 `flint.arb` balls, of which a NumPy array holds objects. So what a document prints can be recomputed in binary64 and
 enclosed to any precision by one text.
 
-What a document prints wrong is not repeated here: `printed` holds it, apart.
+What a document prints wrong is not repeated here: the row that shows it to be wrong holds it.
 """
 
 from __future__ import annotations
