@@ -8,8 +8,9 @@ Each adapter declares one `RowMap` per row beside its model. If an engine's row 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,8 @@ from refkin.joints import GuidedPoint, Pair
 Array = NDArray[np.float64]
 
 
-class Form(Protocol):
-    """A scalar function with two derivatives."""
-
-    def __call__(self, x: Any, order: int) -> Any:
-        """Return the derivative of the given order at x."""
+Form = Callable[[Any, int], Any]
+"""A scalar function with two derivatives: x and an order -> the derivative of that order."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ PRICED = ("refkin", "refkin-lanes", "scipy", *PEERS)
 """Whose methods a price list has by default."""
 MODULES = {
     "refkin": "ours.refkin_methods",
-    "refkin-lanes": "ours.lanes_methods",
+    "refkin-lanes": "ours.lanes",
     "scipy": "ours.scipy_methods",
     "numpy": "ours.numpy_methods",
     "c": "ours.c_methods",

@@ -7,7 +7,7 @@ is written anywhere (Griewank and Walther, Evaluating Derivatives, chapter 13, f
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -17,25 +17,6 @@ Number = Any
 """A float, a ball, or a NumPy row (T,) of either; the int 0 as a derivative means "constant"."""
 
 Mask = NDArray[np.bool_]
-
-
-class Arithmetic(Protocol):
-    """What distinguishes floats from balls."""
-
-    def number(self, value: float) -> Number:
-        """Return a float of the scene, exactly."""
-
-    def row(self, values: tuple[float, ...]) -> Number:
-        """Return the numbers as a row (T,), exactly."""
-
-    def pi(self) -> Number:
-        """Return pi."""
-
-    def sign(self, slack: Number, scale: Number) -> tuple[Mask, Mask]:
-        """Return where the slack is surely negative, and where its sign cannot be told; `scale` bounds its terms."""
-
-    def clipped(self, square: Number, zero: Mask) -> Number:
-        """Return a square whose true value is not negative, fit for a root where it vanishes (`zero`)."""
 
 
 class Floats:
@@ -48,19 +29,24 @@ class Floats:
     zero = 32 * np.finfo(float).eps
 
     def number(self, value: float) -> Number:
+        """Return a float of the scene, exactly."""
         return float(value)
 
     def row(self, values: tuple[float, ...]) -> Number:
+        """Return the numbers as a row (T,), exactly."""
         return np.array(values, float)
 
     def pi(self) -> Number:
+        """Return pi."""
         return math.pi
 
     def sign(self, slack: Number, scale: Number) -> tuple[Mask, Mask]:
+        """Return where the slack is surely negative, and where its sign cannot be told; `scale` bounds its terms."""
         small = np.abs(slack) <= self.zero * scale
         return np.asarray((slack < 0.0) & ~small), np.asarray(small)
 
     def clipped(self, square: Number, zero: Mask) -> Number:
+        """Return a square whose true value is not negative, fit for a root where it vanishes (`zero`)."""
         return np.where(zero, np.maximum(square, 0.0), square)
 
 
@@ -84,6 +70,8 @@ class Balls:
     def clipped(self, square: Number, zero: Mask) -> Number:
         return _nonnegative(square, zero)
 
+
+Arithmetic = Floats | Balls
 
 _nonnegative = np.frompyfunc(lambda ball, zero: ball.nonnegative_part() if zero else ball, 2, 1)
 _ball_atan2 = np.frompyfunc(lambda y, x: arb.atan2(arb(y), arb(x)), 2, 1)

@@ -82,7 +82,6 @@ class Tie:
 class Root:
     """A root that was chosen: of what, and of which share of the term that another is taken from, over the times."""
 
-    body: str
     square: Jet
     share: Jet
 
@@ -234,7 +233,7 @@ class Assembly:
     def _root(self, body: str, turning: Turning, p: Jet, q: Jet, k: Jet) -> tuple[Jet, Jet]:
         whole = p * p + q * q
         square = whole - k * k
-        self.roots.append(Root(body, square, square / whole))
+        self.roots.append(Root(square, square / whole))
         half = _root(square)
         roots = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
         sign = self._chosen(body, "turned", [turning.at(*pair) for pair in roots])
@@ -315,7 +314,7 @@ class Assembly:
                 if turns and np.max(np.abs(_off_line(frame, point, tie, side, axis, self.count))) > ALIKE:
                     continue
                 along, square = axis.dot(arm), length * length - across.dot(across)
-                self.roots.append(Root(body, square, square / (length * length)))
+                self.roots.append(Root(square, square / (length * length)))
                 half = _root(square)
                 moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
                 sign = self._chosen(body, "slid", moved)
