@@ -363,11 +363,8 @@ def load(spec: str) -> Engine:
         If there is none, its package is missing, or it does not keep the protocol; the message says which.
     """
     engine: Engine = _class_of(spec)()
-    missing = [
-        key
-        for key in ("name", "api", "version", "routes", "capabilities", "terms", "solve")
-        if not hasattr(engine, key)
-    ]
+    needed = ("name", "api", "version", "routes", "capabilities", "terms", "solve")
+    missing = [key for key in needed if not hasattr(engine, key)]
     if missing:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
     for key, text in (("name", engine.name), ("version()", engine.version())):

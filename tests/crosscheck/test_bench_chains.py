@@ -93,7 +93,7 @@ def test_a_chain_that_is_too_long_for_a_method_is_refused_with_the_reason(key):
 def test_operations_that_are_no_arithmetic_are_not_put_into_c():
     if not FAST:
         return
-    from crosscheck.engines.ours.c_program import emitted
+    from crosscheck.engines.ours.c_kernels import emitted
     from crosscheck.engines.ours.chains import program_of
     from refkin.fast.elimination.program import Instruction, Register
 

@@ -36,9 +36,7 @@ class Integration:
     """
 
     def __init__(self, scene: Scene, unit: Unit, start: Any) -> None:
-        reason = _no_integration(scene)
-        if reason:
-            raise EngineError(reason)
+        _check(scene)
         self.times = scene.times
         bodies, constraints = scene.mechanism.bodies, scene.mechanism.constraints
         self.model = ExudynModel(bodies, constraints, unit, mass=1.0)
@@ -65,14 +63,13 @@ class Integration:
         return levels
 
 
-def _no_integration(scene: Scene) -> str:
-    """Return why exudyn's time integration cannot take a scene."""
+def _check(scene: Scene) -> None:
+    """Raise EngineError if exudyn's time integration cannot take a scene."""
     if any(isinstance(e, PointDistance) and e.laws for e in elements_of(scene.mechanism.constraints)):
-        return "a driven distance is set anew at each time, which a time integration does not do"
+        raise EngineError("a driven distance is set anew at each time, which a time integration does not do")
     steps = np.diff(scene.times)
     if not len(steps) or np.max(np.abs(steps - steps[0])) > UNEVEN * steps[0]:
-        return "its steps are even, the times of this scene are not"
-    return ""
+        raise EngineError("its steps are even, the times of this scene are not")
 
 
 def _keep(levels: list[Any], steps: int, count: Iterator[int], mbs: Any, t: float) -> bool:

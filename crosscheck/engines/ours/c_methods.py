@@ -11,8 +11,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use
 from crosscheck.engines.ours import chains
-from crosscheck.engines.ours.c_kernels import library, row_of, rows
-from crosscheck.engines.ours.c_program import emitted, geometry_of
+from crosscheck.engines.ours.c_kernels import emitted, geometry_of, library, row_of, rows
 from crosscheck.engines.ours.chains import program_of
 from crosscheck.engines.ours.numpy_methods import of_four_bars
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, system_of, whole

@@ -13,8 +13,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch
-from crosscheck.engines.ours.c_kernels import library, row_of
-from crosscheck.engines.ours.c_program import emitted, geometry_of
+from crosscheck.engines.ours.c_kernels import emitted, geometry_of, library, row_of
 from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated, refuse_longer
 from crosscheck.scenes.workloads import Chain, Workload
 from refkin.joints import GROUND
