@@ -19,7 +19,7 @@ from refkin.proof.numbers.bounded import Bounds, Extended, Times, bounded_system
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.preconditioned import groups_of_rows, independent_rows
 from refkin.proof.numbers.recentred import recentred
-from refkin.proof.numbers.symbols import Graph, coordinates, needed, substitute, symbolic_system
+from refkin.proof.numbers.symbols import Graph, coordinates, substitute
 from refkin.proof.path import blocks
 from refkin.proof.path.branch import first_unproved, step_over_crossing
 from refkin.proof.path.curve import Curve, crossing
@@ -30,7 +30,6 @@ from refkin.proof.pose.krawczyk import judge, krawczyk, objects
 from refkin.solving.limits import expected_seconds
 from refkin.solving.passages import Winding, moving_law, unseen
 from refkin.solving.sweep import pose_between
-from refkin.system import System
 from tests.refkin.asked import (
     MOVED,
     PARTS,
@@ -120,23 +119,18 @@ def numbers(scene: Scene) -> Any:
     said.append(summed(inputs.input_effect(system, some, one, inputs.InputError(1e-6, least=1.0))))
     rows = independent_rows(system, moved(some, 0.1), one)
     said += [rows, [(x, y) for x, y in groups_of_rows(system, np.repeat(moved(some, 0.1), 3, axis=1), np.full(3, t))]]
-    return said, symbolic(system)
+    return said, symbolic()
 
 
-def symbolic(system: System) -> Any:
-    """The operations that formulas are made of."""
+def symbolic() -> Any:
+    """How expressions are folded, and put into each other."""
     graph = Graph()
-    geometry = [tuple(graph.input("g", k, m) for m in range(len(p.g))) for k, p in enumerate(system.placed)]
-    q, qd = (coordinates(graph, kind, system.n) for kind in ("q", "qd"))
-    other = symbolic_system(system, graph, geometry, held=True)
-    items = [x for of in (other.phi(q, 0.0), other.phi_q(q, 0.0).ravel(), other.gamma(q, qd, 1.0)) for x in of]
-    symbols = [x for x in items if hasattr(x, "op")]
-    ops = [s.op for s in needed(symbols)]
-    known: dict[Any, Any] = {x: graph.constant(0.1 * k) if k % 2 else x for k, x in enumerate((*q, *qd))}
-    put_in = [substitute(s, dict(known)) for s in symbols[:4]]
-    a, b = q[0], graph.constant(0.5)
-    made = [a / b, -a / b, a / -b, 1.0 / a, abs(-a), abs(abs(a)), abs(b), a - a, a - b, b - a, *put_in]
-    return {op: ops.count(op) for op in sorted(set(ops))}, [repr(s)[:200] for s in (*symbols[:6], *made)]
+    a, c = coordinates(graph, "q", 2)
+    b = graph.constant(0.5)
+    made = [a / b, -a / b, a / -b, 1.0 / a, abs(-a), abs(abs(a)), abs(b), a - a, a - b, b - a, a * b - c * -1.0]
+    made += [-(a - c), (a + b).cos() * -c, 0.0 * a + 1.0 * c, (c / a - a.sin()) * 2.0, a + -c, -a + c, -a * -c]
+    known: dict[Any, Any] = {a: graph.constant(0.25), c: a}
+    return [[repr(s), repr(substitute(s, dict(known)))] for s in made]
 
 
 def laws(scene: Scene) -> Any:
@@ -198,7 +192,7 @@ def curves(scene: Scene) -> Any:
     rows = curve.rows(x)
     regular = curve.clearance(x) > 1e-6
     if regular:
-        said += [summed(tangent), curve.clearance(x), curve.determinant(x, tangent, rows), curve.is_locked(x)]
+        said += [summed(tangent), curve.clearance(x), curve.side(x, tangent, rows), curve.is_locked(x)]
     said.append(summed(curve.bend(x, np.cos(np.arange(len(rows))), rows)))
     for h in (0.01, 0.1, 0.4, 1.6):
         there = curve.stepped(x, tangent, h)

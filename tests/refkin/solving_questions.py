@@ -19,7 +19,7 @@ from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
-from refkin.proof.assembly.search import search
+from refkin.proof.assembly.search import Search
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.proof.singularity.second_order import advances, elsewhere
@@ -129,7 +129,9 @@ def sought(scene: Scene) -> Any:
     """What search finds, also where there is a closed form; and least squares."""
     system, t = system_of(scene), scene.times[0]
     with ctx.workprec(113):
-        found = search(system, t, read_rows(system, t)) if system.kind.dimension == 2 else assemblies(system, t)
+        found = (
+            Search(system, t, read_rows(system, t), "").run() if system.kind.dimension == 2 else assemblies(system, t)
+        )
     start = analysis.estimate_of(system, scene)
     least = least_squares(system, moved(start, 0.5), t)
     return all_of(found), least.status, summed(least.q) if least.converged else None
