@@ -60,6 +60,8 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     largest, words = {}, {}
     for placed in ref.system.placed:
         c = placed.constraint
+        if c.passive:  # it has the name of its body, as the length of the Euler parameters has
+            continue
         largest[c.name] = float(np.max(np.abs(residual[placed.row : placed.row + c.rows])))
         words[c.name] = f"{'driver' if c in ref.scene.mechanism.drivers else 'joint'} {c.name!r} ({c.type})"
     names = sorted((name for name in largest if largest[name] >= SHARE * worst), key=lambda name: -largest[name])

@@ -15,6 +15,7 @@ from crosscheck.measure.hard_table import BAD, hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.workers.processes import Failure, call_in_turn, preload
+from refkin.joints.spatial_bodies import UnitLength
 from refkin.model import Scene
 
 SECONDS = 60.0
@@ -93,7 +94,8 @@ def ask(engine: Engine, question: Question) -> Reply:
 
 def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
     """Yield what a record says against an engine, of each method the first level alone: the others follow from it."""
-    types = {c.name: c.type for c in scene.mechanism.constraints}
+    types = {body.name: UnitLength.type for body in scene.mechanism.bodies}  # rows of bodies of space, not of joints
+    types |= {c.name: c.type for c in scene.mechanism.constraints}
     beyond: set[str] = set()
     for wrong in record.disagreements:
         level = wrong.quantity if wrong.quantity in QUANTITIES else STATUS if wrong.quantity == STATUS else ROWS

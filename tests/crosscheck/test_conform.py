@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import refkin
 from crosscheck.commands.replay import lines
-from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
@@ -21,6 +22,7 @@ from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 
 from .fake_engines import HANG, SEGFAULT, engine_file
+from .hard_engines import Right
 
 ROOT = Path(__file__).parent.parent.parent
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
@@ -150,6 +152,23 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
 
     assert "position depends on the order of bodies (method 'made up')" in said
     assert "3 wrong" in said
+
+
+@pytest.mark.parametrize("k", range(3))
+def test_euler_parameters_that_are_too_long_are_told_of_any_body_also_of_one_that_spins(k):
+    class Longer(Right):
+        def solve(self, scene, route=None):
+            motion = super().solve(scene)
+            q = motion.q.copy()
+            q[7 * k + 3 : 7 * k + 7] *= 1.0 + 1e-6
+            return replace(motion, q=q)
+
+        def capabilities(self):
+            return {key: dict.fromkeys(Level, NATIVE) for key in ELEMENTS}
+
+    reply = ask(Longer(), ASKED[SPHERICAL])
+
+    assert ["unit_length" in fault.types for fault in reply.faults] == [True]
 
 
 def test_an_equality_that_no_joint_can_move_is_no_failure_of_mujoco():

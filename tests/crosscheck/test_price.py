@@ -333,7 +333,7 @@ class Clock:
 
     monotonic = perf_counter = process_time
 
-    def method(self, name, call, pose, most=BULK, **more):
+    def method(self, name, call, pose, most=BULK, off=0.0, setting="", **more):
         """A method that takes so long for a call and for each pose in it, twice for two levels, and answers so many."""
 
         built = []
@@ -344,11 +344,11 @@ class Clock:
             return Model(partial(solve, scene), list)
 
         def solve(scene, order):
-            self.sent.append(("asked", ("made up", name, "")))
+            self.sent.append(("asked", ("made up", name, setting)))
             self.now += (call + pose * len(scene.times)) * (order + 1)
-            return price_fakes._moved(0.0 if len(scene.times) <= most else math.nan, scene, order)
+            return price_fakes._moved(off if len(scene.times) <= most else math.nan, scene, order)
 
-        return replace(price_fakes.made(name, "", solve, **more), build=build)
+        return replace(price_fakes.made(name, setting, solve, **more), build=build)
 
 
 @pytest.fixture(scope="module")
