@@ -15,7 +15,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
-from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
+from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
@@ -154,6 +154,8 @@ class SpaceEquations(OwnSolver):
             self.model.set_state(start, t)
             if self.model.newton(tolerance * extent):
                 return self._corrected(t, self.model.coordinates(), tolerance * extent)
+            if not np.abs(self.model.left()).max() < STALLED * extent:  # gone astray: so it would for the next one
+                break
         raise EngineError("its Newton did not converge")
 
     def _corrected(self, t: float, q: Array, tolerance: float) -> Array:
