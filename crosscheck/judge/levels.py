@@ -272,7 +272,11 @@ def _expected(model: ConstraintModel, at: Configuration, maps: Sequence[RowMap])
     first_row = {p.constraint.name: p.row for p in system.placed}
     if any(m.either for m in maps):
         maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
-    rows = [first_row[m.constraint] + m.row for m in maps]
+    return _mapped(maps, [first_row[m.constraint] + m.row for m in maps], ours)
+
+
+def _mapped(maps: Sequence[RowMap], rows: Sequence[int], ours: Mapping[Any, Any]) -> dict[Level, tuple[Any, Any]]:
+    """Return what maps make of our rows of these numbers at every level, and the allowed errors."""
     (x, ex), (slope, e_slope), (rate, e_rate), (gamma, e_gamma) = (
         [part[rows] for part in ours[key]] for key in ("x", "x_q", "x'", "gamma")
     )

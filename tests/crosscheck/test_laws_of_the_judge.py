@@ -40,7 +40,7 @@ from crosscheck.judge.hard_poses import (
     samples,
     scene_truths,
 )
-from crosscheck.judge.levels import LEVELS, Configuration, _mapped, _size, configurations
+from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
@@ -222,7 +222,7 @@ def test_a_row_in_another_form_is_its_derivative_and_may_be_off_as_far_as_ours(l
             return slope * -2.0 * (form(x + h, 0) - form(x - h, 0)) / (2 * h)
         return (y(h) - y(-h)) / (2 * h) if level is Level.CONSTRAINT_VELOCITY else -(y(h) + y(-h) - 2 * y(0.0)) / h**2
 
-    value, allowed = _mapped(level, row, 0, row_values(*numbers, off))
+    value, allowed = (part[0] for part in _mapped([row], [0], row_values(*numbers, off))[level])
     middle = expected(*numbers)
     corners = [
         [n + sign * e for n, e, sign in zip(numbers, off, signs, strict=True)] for signs in every(*4 * [(-1, 1)])
@@ -237,8 +237,9 @@ def test_a_row_in_another_form_is_its_derivative_and_may_be_off_as_far_as_ours(l
 @pytest.mark.parametrize("rate", [0.1, 7.0])
 def test_a_bent_row_of_exact_numbers_may_be_off_by_the_rounding_of_its_square_and_of_its_value(rate):
     form, exact = Length(1.5), (0.0, 0.0, 0.0, np.zeros(2))
-    value, allowed = _mapped(Level.DRIFT, RowMap(constraint="c", row=0, engine_row=0, form=form), 0,
-                             row_values(0.4, rate, 0.9, np.ones(2), exact))  # fmt: skip
+    row = RowMap(constraint="c", row=0, engine_row=0, form=form)
+    mapped = _mapped([row], [0], row_values(0.4, rate, 0.9, np.ones(2), exact))
+    value, allowed = (part[0] for part in mapped[Level.DRIFT])
     square = abs(form(0.4, 2)) * rate * rate
 
     assert allowed / (BOTH_SIDES * SAFETY * U) == pytest.approx(square + 2 * abs(value))
@@ -512,8 +513,8 @@ def test_rows_lose_what_the_farthest_coordinate_and_the_fastest_body_take_away()
     at = Configuration(rssr().mechanism, q, qd, 0.0, np.zeros(0))
     rate = 2.0 + 0.8 * 5.0
 
-    assert [_size(level, at, turns=False) for level in LEVELS] == pytest.approx([5.0, 5.0, rate, 0.8 * rate])
-    assert [_size(level, at, turns=True) for level in LEVELS] == pytest.approx([1.0, 1.0, 0.4, 0.16])
+    assert [at.sizes[False][level] for level in LEVELS] == pytest.approx([5.0, 5.0, rate, 0.8 * rate])
+    assert [at.sizes[True][level] for level in LEVELS] == pytest.approx([1.0, 1.0, 0.4, 0.16])
 
 
 def test_configurations_lie_on_all_sides_of_a_pose_as_far_as_a_size_or_a_radian():
