@@ -21,6 +21,10 @@ HEAVY = 2.0**60
 """The armature given to a tendon: so large that what else is in the bias force is below the last digit."""
 
 
+Read = tuple[Array, Any]
+"""What is kept of B poses, and the view that the stages fill at each."""
+
+
 class _Points:
     """Points of bodies where MuJoCo has them at `count` poses, from the frames and motion axes that it has at each.
 
@@ -32,13 +36,9 @@ class _Points:
         d = rows.data
         self._bodies, self._u, self._roots, self._moves = rows.where(tuple(places))
         self._columns = rows.columns
-        self._read = d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot  # views: the stages fill them
-        self._kept: list[Array] = like._kept if like else [np.empty((count, *view.shape)) for view in self._read]
-
-    def read(self, pose: int) -> None:
-        """Keep what MuJoCo has at present as that of a pose."""
-        for kept, view in zip(self._kept, self._read, strict=True):
-            kept[pose] = view
+        views = d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot
+        self._kept: list[Array] = like._kept if like else [np.empty((count, *view.shape)) for view in views]
+        self.reads: list[Read] = list(zip(self._kept, views, strict=True))
 
     @cached_property
     def r(self) -> Array:
@@ -140,6 +140,7 @@ class MujocoRows:
         residual, jacobian = np.empty((len(q), count)), np.empty((len(q), count * n))
         points = _Points(self, places, len(q)) if places else None
         guided, sensor = self._guided(len(q)), mujoco.mj_sensorPos
+        reads = guided + points.reads[:4] if points else guided  # nothing moves
         for k in self._posed(q):
             if d.nefc == count:
                 residual[k], jacobian[k] = d.efc_pos, d.efc_J
@@ -147,10 +148,8 @@ class MujocoRows:
                 residual[k], jacobian[k] = self._filled(self._spread(d.efc_pos)), self._spread(self._dense()).ravel()
             if guided:
                 sensor(m, d)
-                for kept, view in guided:
-                    kept[k] = view
-            if points:
-                points.read(k)
+            for kept, view in reads:
+                kept[k] = view
         if guided or self._constants.size:
             gaps, slopes = self._guide_rows(guided, residual, jacobian.reshape(len(q), count, n))
             still = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
@@ -162,13 +161,13 @@ class MujocoRows:
             return residual, slopes, np.empty((len(q), 0, 2)), np.empty((len(q), 0, 2, n))
         return residual, slopes, points.r, points.jacobian
 
-    def _guided(self, count: int) -> list[tuple[Array, Any]]:
+    def _guided(self, count: int) -> list[Read]:
         """Return what is kept of the guides at so many poses, and views of it: sensors, frames of sites, velocities."""
         d = self.data
         reads = (d.sensordata, d.site_xmat, d.cvel) if self.plan.guides else ()
         return [(np.empty((count, *view.shape)), view) for view in reads]
 
-    def _guide_rows(self, guided: list[tuple[Array, Any]], gap: Array, slopes: Array) -> tuple[Array, Array]:
+    def _guide_rows(self, guided: list[Read], gap: Array, slopes: Array) -> tuple[Array, Array]:
         """Return the guides' residuals n . d (B, guides), from sensors, and their slopes (B, guides v).
 
         The slopes are those of the product: of d, from the `connect` between the two points, and of n, which turns by
@@ -181,7 +180,7 @@ class MujocoRows:
         rows = (n[..., None, :] @ slopes[:, self._connects])[..., 0, :] + turning[..., None] * self._turns
         return guided[0][0][:, 1 : 6 * len(self._turns) : 6], rows.reshape(len(gap), -1)
 
-    def _normals(self, guided: list[tuple[Array, Any]]) -> Array:
+    def _normals(self, guided: list[Read]) -> Array:
         """Return the guides' normals (B, guides, 2), the y axes of their sites."""
         return guided[1][0][:, self._lines, 1:5:3]
 
@@ -195,6 +194,7 @@ class MujocoRows:
         gap, rate, drift = np.empty((3, len(q), count))
         com_vel, reference, sensor = mujoco.mj_comVel, mujoco.mj_referenceConstraint, mujoco.mj_sensorVel
         points, guided = _Points(self, places, len(q)), self._guided(len(q))
+        reads = guided + points.reads
         for k in self._posed(q, qd):
             com_vel(m, d)
             reference(m, d)
@@ -204,9 +204,8 @@ class MujocoRows:
                 rate[k], drift[k], gap[k] = map(self._spread, (d.efc_vel, d.efc_aref, d.efc_pos))
             if guided:
                 sensor(m, d)
-                for kept, view in guided:
-                    kept[k] = view
-            points.read(k)
+            for kept, view in reads:
+                kept[k] = view
             for row in self.plan.spatial:
                 drift[k, row] = self._length_drift(row)
         self._moved = points, q, qd
@@ -228,7 +227,8 @@ class MujocoRows:
         for k in () if known else self._posed(q, None if qdd is None else qd, constrained=False):
             if qdd is not None:
                 mujoco.mj_comVel(m, d)
-            points.read(k)
+            for kept, view in points.reads:
+                kept[k] = view
         levels = [points.r, *(along(points.jacobian, rate) for rate in (qd, qdd) if rate is not None)]
         if qd is not None and qdd is not None:
             levels[2] += points.drift(qd)

@@ -32,10 +32,10 @@ from refkin.joints import GROUND, Pair
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 UNTURNED = np.eye(3)
 Scaling = Callable[[str, Pair], Pair]
-Read = tuple[Callable[[], Any], tuple[int, ...]]
-"""What reads something where the model is, and its shape."""
-Target = tuple[Callable[[], Any], Array]
-"""What reads something where the model is, and where it goes: a row for each of B poses."""
+Read = tuple[Any, tuple[int, ...]]
+"""What reads something where the model is, or a view that is filled by then, and its shape."""
+Target = tuple[Any, Array]
+"""The same, and where it goes: a row for each of B poses."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,14 @@ class PlanarModel:
         given : sequence of (B, nv) array
             What it is called with.
         """
+        views = [(read, out) for read, out in targets if not callable(read)]
+        reads = [(read, out) for read, out in targets if callable(read)]
         for k, at in enumerate(zip(*given, strict=True)):
             pose(*at)
-            for read, out in targets:
+            for read, out in reads:
                 out[k] = read()
+            for view, out in views:
+                out[k] = view
 
     def columns(self, rows: int) -> tuple[int, ...]:
         """Return the shape of a Jacobian: Pinocchio hands over a single column as a vector."""
@@ -145,7 +149,7 @@ class Points:
         views = self._views[: levels + 1]
         out = [np.empty((count, len(joints), *shape)) for shape, joints in views]
         pairs = zip(views, out, strict=True)
-        return out, [(_reading(view), kept[:, k]) for (_, joints), kept in pairs for k, view in enumerate(joints)]
+        return out, [(view, kept[:, k]) for (_, joints), kept in pairs for k, view in enumerate(joints)]
 
     def motion(self, kept: Sequence[Array]) -> list[Array]:
         """Return positions, velocities and accelerations (B, P, 2), as many as were kept."""
@@ -159,10 +163,6 @@ class Points:
         levels = [(rotations[..., :2, :2] @ level[..., None])[..., 0] for level in own]
         levels[0] += known[0][..., :2]
         return levels
-
-
-def _reading(view: Any) -> Callable[[], Any]:
-    return lambda: view
 
 
 def _turned(vectors: Array) -> Array:

@@ -110,7 +110,7 @@ class Anchor(Row):
             return view
 
         vector = (self.components,)
-        self.still = ((jacobian, planar.columns(self.components)), (lambda: gap, vector))
+        self.still = ((jacobian, planar.columns(self.components)), (gap, vector))
         self.rates = ((lambda: calculated(rate), vector),)
         self.bends = ((lambda: calculated(bend), vector),)
 
@@ -152,7 +152,7 @@ class EqualAngles(Anchor):
         ]
         self._near, self._turns = angles[0] - held.angle, np.round(np.subtract(angles[1:], angles[0]))
         rotation = self.data.c1Mc2.rotation  # a view: `calc` fills it
-        self.still = (self.still[0], (lambda: rotation[:2, 0], (2,)))
+        self.still = (self.still[0], (rotation[:2, 0], (2,)))
 
     def _values(self, q: Array, gaps: Array) -> Array:
         near = (self._near + q @ self._turns).tolist()
