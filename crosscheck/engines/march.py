@@ -176,10 +176,11 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
         return last[:0], np.zeros(0, bool)
     poses = close(equations, _cubics(*knots, t), t)
     poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
-    side = _sides(last.jacobian)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])
-        bad = bad[_passable(poses[bad], poses[bad + 1]) & (_sides(poses.jacobian[bad + 1]) == side)][:MOST_DIVIDED]
+        if bad.size:
+            here = _passable(poses[bad], poses[bad + 1]) & (_sides(poses.jacobian[bad + 1]) == _sides(last.jacobian))
+            bad = bad[here][:MOST_DIVIDED]
         if not bad.size:
             break
         guess, between = _divided(poses[bad], poses[bad + 1])

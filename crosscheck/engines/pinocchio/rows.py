@@ -37,7 +37,8 @@ class Row(Protocol):
     constraint, data : Any
         Pinocchio's own.
     still, rates, bends : sequence of Read
-        What is read where the model is placed (slopes, then gaps), where it moves, and where nothing accelerates it.
+        What is read where the model is placed (slopes, then gaps or both places), where it moves, and where nothing
+        accelerates it.
     """
 
     count: int
@@ -47,7 +48,7 @@ class Row(Protocol):
     rates: Sequence[Read]
     bends: Sequence[Read]
 
-    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
+    def closure(self, q: Array, slopes: Array, *places: Array) -> tuple[Array, Array]:
         """Return residuals (B, count) and Jacobians (B, count, nv) at q (B, nv), from what was read."""
 
     def change(self, *parts: Array) -> Array:
@@ -72,12 +73,12 @@ class TwoPoints(Row):
             calc(model, data, of_pose)
             return slopes(model, data, constraint, of_pose)
 
-        self.still = ((jacobian, planar.columns(3)), (lambda: at_j - at_i, (3,)))
+        self.still = ((jacobian, planar.columns(3)), (at_j, (3,)), (at_i, (3,)))
         self.rates = ((planar.point_velocity(j), (3,)), (planar.point_velocity(i), (3,)))
         self.bends = ((planar.point_acceleration(j), (3,)), (planar.point_acceleration(i), (3,)))
 
-    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
-        return gaps[:, :2], slopes.reshape(len(q), 3, self._nv)[:, :2]
+    def closure(self, q: Array, slopes: Array, *places: Array) -> tuple[Array, Array]:
+        return places[0][:, :2] - places[1][:, :2], slopes.reshape(len(q), 3, self._nv)[:, :2]
 
     def change(self, *parts: Array) -> Array:
         return parts[0][:, :2] - parts[1][:, :2]
@@ -114,8 +115,8 @@ class Anchor(Row):
         self.rates = ((lambda: calculated(rate), vector),)
         self.bends = ((lambda: calculated(bend), vector),)
 
-    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
-        return self._values(q, gaps), slopes.reshape(len(q), self.components, self._nv)[:, self._slot]
+    def closure(self, q: Array, slopes: Array, *places: Array) -> tuple[Array, Array]:
+        return self._values(q, places[0]), slopes.reshape(len(q), self.components, self._nv)[:, self._slot]
 
     def change(self, *parts: Array) -> Array:
         return parts[0][:, self._slot]
