@@ -43,7 +43,7 @@ CHUNK = 40
 """Tests of one process, at most; all of one file."""
 CASES = 6
 """Cases of one test that are noted, about."""
-WIDE = ("test_answers.py", "test_judgements.py", "test_measurements.py", "test_proofs.py")
+WIDE = ("test_answers.py", "test_judgements.py", "test_measurements.py", "test_programs_kept.py", "test_proofs.py")
 """Files whose tests hold whole answers against those of before: every case of them is noted and asked early, since what
 passes all tests of one claim mostly shows there."""
 EARLY = 2.0

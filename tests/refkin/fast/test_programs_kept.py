@@ -1,0 +1,94 @@
+"""What the fast path makes of mechanisms is what it was: programs, sweeps, families with poses lost, large systems.
+
+As in `tests/refkin/test_answers.py`: whoever means a change makes the file anew, `python -m
+tests.refkin.fast.test_programs_kept`, and says what changed.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from refkin.fast import legend, solve_large, solve_many, sweep, tape
+from refkin.model import Evidence
+from tests.refkin.fast.families import estimates, geometry, grashof, scene
+from tests.refkin.fast.linkworks import chain, platform
+from tests.refkin.fast.scenes import SCENES
+from tests.refkin.test_answers import LEVEL, WEIGHTS, kept
+
+FILE = Path(__file__).with_name("programs.json")
+
+
+def program(name):
+    """Return what a scene's program says of its parts, a sum of its text, and what its numbers stand for."""
+    text = str(tape(SCENES[name]))
+    return [[line for line in text.splitlines() if line[:1] == "#"], zlib.crc32(text.encode()), legend(SCENES[name])]
+
+
+def swept(name):
+    """Return what is kept of a sweep at all times, and at few ones, far apart."""
+    whole = SCENES[name]
+    few = replace(whole, times=whole.times[:: max(1, len(whole.times) // 5)])
+    some = [kept(sweep(each)) for each in (whole, few)]
+    return [[each["said"], each["levels"]] for each in some]
+
+
+def many(sign, evidence):
+    """Return codes and sums of a family, of which some do not assemble and some are lost on the way."""
+    lengths = grashof(12, 0.02, seed=3)
+    lengths[2, ::3] *= 1.4
+    lengths[3, 1::4] *= 0.45
+    found = solve_many(replace(scene(24), evidence=evidence), geometry(lengths), estimates(lengths, sign))
+    sums = [None if x is None else summed(x) for x in (found.q, found.qd, found.qdd)]
+    proved = None if found.radii is None else np.isfinite(found.radii).sum(axis=2).tolist()
+    return [found.codes.tolist(), found.unseen, sums, proved, [str(status) for status in found.status(1)]]
+
+
+def large(made):
+    """Return what is kept of a large system."""
+    answer = solve_large(made)
+    sums = [None if x is None else summed(np.asarray(x)[:, None]) for x in (answer.q, answer.qd, answer.qdd)]
+    return [str(answer.status), sums, [float(f"{x:.6g}") for x in (answer.inverse_norm,)], len(answer.steps)]
+
+
+def summed(level):
+    return [float(f"{x:.10g}") for x in np.ravel(np.tensordot(WEIGHTS[: len(level)], np.nan_to_num(level), axes=1))]
+
+
+MADE = {
+    **{f"program: {name}": partial(program, name) for name in SCENES},
+    **{f"sweep: {name}": partial(swept, name) for name in SCENES},
+    **{f"many: {s}, {len(e)}": partial(many, s, frozenset(e)) for s in (1, -1) for e in ((), (Evidence.CERTIFICATE,))},
+    **{f"large: {n}": partial(large, chain(n, times=(0.3,))) for n in (4, 9)},
+    "large: at once": partial(large, chain(5, together=True, times=(0.2,))),
+    "large: platform": partial(large, platform(times=(0.4,))),
+}
+KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_what_the_fast_path_makes_is_what_it_was(name):
+    same(json.loads(json.dumps(MADE[name]())), KEPT[name])
+
+
+def same(now, was):
+    """Assert that two are the same, numbers within what another processor makes of them."""
+    if isinstance(was, list) and was and all(isinstance(x, float) for x in was):
+        assert now == pytest.approx(was, rel=0.0, abs=LEVEL * np.nanmax(np.abs([*was, 1e-3])), nan_ok=True)
+    elif isinstance(was, list):
+        assert len(now) == len(was)
+        for pair in zip(now, was, strict=True):
+            same(*pair)
+    else:
+        assert now == was
+
+
+if __name__ == "__main__":
+    lines = (f"{json.dumps(name)}: {json.dumps(made())}" for name, made in MADE.items())
+    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
