@@ -54,7 +54,7 @@ def test_three_points_that_are_laid_on_three_lines_lie_on_them_in_both_assemblie
         along = n.perp() * arb(0.3 + 0.4 * k)
         p = pose.point(q + along) if on_b else pose.point(q) + along
         links.append(Link(RowKind.LINE, p, q, n, on_b, arb(0)))
-    moves = moves_of_group(links, turning=True).moves
+    moves, _ = moves_of_group(links, turning=True)
 
     assert len(moves) == 2
     for move in moves:

@@ -107,10 +107,11 @@ class _Worker:
             ways = moves_of_point(links) if step.locates else moves_of_group(links, bool(step.turning))
             if ways is None:
                 continue
-            if ways.meeting.gap is not None:
-                placement.ends.append(self._cannot_meet(step, closure, ways.meeting, branch))
+            moves, meeting = ways
+            if meeting.gap is not None:
+                placement.ends.append(self._cannot_meet(step, closure, meeting, branch))
                 return []
-            children = [self._child(step, closure, branch, m, ways.meeting.decided) for m in ways.moves]
+            children = [self._child(step, closure, branch, m, meeting.decided) for m in moves]
             return [c for c in children if not self._ends(step, closure, c, placement)]
         placement.stuck.append(branch)
         return []

@@ -61,15 +61,8 @@ class Move:
     shift: Vec
 
 
-NO_CHOICE = Meeting()
-
-
-@dataclass(frozen=True)
-class Moves:
-    """Every move that joins two groups, or the meeting that fails."""
-
-    moves: tuple[Move, ...]
-    meeting: Meeting = NO_CHOICE
+Moves = tuple[tuple[Move, ...], Meeting]
+"""Every move that joins two groups, and the meeting that they come from, or that fails."""
 
 
 def moves_of_point(links: list[Link]) -> Moves | None:
@@ -82,7 +75,7 @@ def moves_of_group(links: list[Link], turning: bool) -> Moves | None:
     if turning:
         return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
     if links[0].kind is RowKind.PIN:
-        return Moves((Move(None, None, links[0].p - links[0].q),))
+        return (Move(None, None, links[0].p - links[0].q),), Meeting()
     return _shifts([_locus(k, k.p - k.q) for k in links])
 
 
@@ -92,7 +85,7 @@ def _locus(link: Link, at: Vec) -> Locus:
 
 def _shifts(loci: list[Locus]) -> Moves | None:
     met = meet(*loci)
-    return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
+    return None if met is None else (tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 
 
 def _mode(met: Meeting, mode: int) -> int | None:
@@ -122,7 +115,7 @@ def _about_pin(pin: Link, other: Link) -> Moves | None:
             return None
         chosen = None if other.kind is RowKind.PIN else _mode(met, mode)
         moves.append(Move(chosen, turn, pin.p - turn.turned(pin.q)))
-    return Moves(tuple(moves), met)
+    return tuple(moves), met
 
 
 def _from_three_lines(links: list[Link]) -> Moves | None:
@@ -157,7 +150,7 @@ def _from_three_lines(links: list[Link]) -> Moves | None:
             turn = GroupPose(turn.r, -turn.phi, turn.c, -turn.s)
             shift = turn.turned(shift) * -1
         moves.append(Move(_mode(met, mode), turn, shift))
-    return Moves(tuple(moves), met)
+    return tuple(moves), met
 
 
 def _turn(to: Vec, arm: Vec) -> GroupPose | None:

@@ -14,7 +14,7 @@ from refkin.proof.pose.certificate import certify
 from refkin.proof.pose.krawczyk import Enclosure, krawczyk
 from refkin.system import System
 
-FLOAT64 = 53
+FLOAT64, BITS = 53, 113
 BLURRED, BLURRED_RATE = 2.0**-36, 2.0**-26
 """Bounds of errors beyond which balls take over from float64: of a position, and of a rate in units of its size."""
 FAR = 64.0
@@ -56,13 +56,11 @@ class Isolation:
     why: str = ""
 
 
-def isolate(
-    system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113, rows: Any = None
-) -> Isolation:
+def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, rows: Any = None) -> Isolation:
     """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
 
     Poses are certified in float64, all at once; each for which that fails, or leaves a bound above `BLURRED`, is tried
-    by Krawczyk's test with `bits` bits.
+    by Krawczyk's test with `BITS` bits.
 
     Parameters
     ----------
@@ -92,9 +90,9 @@ def isolate(
         if rate is not None:
             sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
     for sample in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
-        enclosure = _in_moved_frames(frames, q[:, sample], t[sample], bits)
+        enclosure = _in_moved_frames(frames, q[:, sample], t[sample])
         if enclosure is None:
-            enclosure = krawczyk(system, q[:, sample], t[sample], bits)
+            enclosure = krawczyk(system, q[:, sample], t[sample], BITS)
         if enclosure is not None:
             levels = [None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)]
             _by_balls(isolation, sample, enclosure, levels)
@@ -103,19 +101,19 @@ def isolate(
     return isolation
 
 
-def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosure | None:
+def _in_moved_frames(frames: Recentred, q: Any, t: float) -> Enclosure | None:
     """Return the root, proved in frames near the joints where some are far away; None if none are, or it is not proved.
 
     The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
     """
-    enclosure = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
+    enclosure = krawczyk(frames.inner, frames.inward(q), t, BITS) if frames.shifts.any() else None
     if enclosure is None:
         return None
-    with ctx.workprec(bits):
+    with ctx.workprec(BITS):
         root = frames.outward_balls(enclosure.q)
     # All that is closer in the given coordinates is in the box: shifts turn with the angles.
     radii = enclosure.radii / (1.0 + np.sum(np.abs(frames.shifts)))
-    return Enclosure(frames.system.held_at(q), t, bits, root, radii, enclosure.rows)
+    return Enclosure(frames.system.held_at(q), t, BITS, root, radii, enclosure.rows)
 
 
 def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, levels: list[Any]) -> None:

@@ -204,7 +204,7 @@ class Linkage(Shown):
         self._check_input(driven, relative_to)
         branch = member(Branch, branch, "branch")
         path = "turns" if law is None else "law"
-        law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
+        law, times = law_and_times(speed, turns, samples, start, law, times)
         values = [self._input(float(law(t)), driven) for t in times]
         self._check_range(values, driven, relative_to, path)
         pose = self.assemble(values[0], branch, driven=driven, relative_to=relative_to)
@@ -323,32 +323,27 @@ def scene_of(
     )
 
 
-def uniform_law(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:
-    """Return the law of a constant speed, and times; raise InvalidScene for numbers that make none."""
-    faults = []
-    if not (_is_finite(speed) and speed):
-        faults.append(Fault("speed", speed, "a finite number that is not 0 [rad/s]"))
-    if not (_is_finite(turns) and turns > 0):
-        faults.append(Fault("turns", turns, "a number above 0"))
-    if not (isinstance(samples, int) and samples > 1):
-        faults.append(Fault("samples", samples, "a whole number above 1"))
-    if not _is_finite(start):
-        faults.append(Fault("start", start, "a finite angle [rad]"))
+def law_and_times(
+    speed: float, turns: float, samples: int, start: float, law: Law | None, times: Sequence[float] | None
+) -> tuple[Law, Sequence[float]]:
+    """Return a law and its times, or those of a constant speed; raise InvalidScene for what makes none."""
+    if law is None:
+        asked = (
+            ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
+            ("turns", turns, _is_finite(turns) and turns > 0, "a number above 0"),
+            ("samples", samples, isinstance(samples, int) and samples > 1, "a whole number above 1"),
+            ("start", start, _is_finite(start), "a finite angle [rad]"),
+        )
+        faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits]
+    else:
+        given = [] if times is None else [float(t) for t in times]
+        faults = [*law.faults("law"), *([] if given else [Fault("times", times, "times [s], as a law is given")])]
     if faults:
         raise InvalidScene(faults, "linkage")
+    if law is not None:
+        return law, given
     stop = math.tau * turns / abs(speed)
     return Polynomial(coefficients=(float(start), float(speed))), np.linspace(0.0, stop, samples).tolist()
-
-
-def given_law(law: Law, times: Sequence[float] | None) -> Sequence[float]:
-    """Return the times of a law; raise InvalidScene if there are none, or if the law is not one."""
-    faults = list(law.faults("law"))
-    given = [] if times is None else [float(t) for t in times]
-    if not given:
-        faults.append(Fault("times", times, "times [s], as a law is given"))
-    if faults:
-        raise InvalidScene(faults, "linkage")
-    return given
 
 
 def _is_finite(value: object) -> bool:

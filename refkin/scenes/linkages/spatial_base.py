@@ -18,7 +18,7 @@ from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
 from refkin.motion_laws import Law, Polynomial
 from refkin.output.picture import Picture
-from refkin.scenes.linkages.base import Branch, Shown, given_law, law_keys, member, pictured, scene_of, uniform_law
+from refkin.scenes.linkages.base import Branch, Shown, law_and_times, law_keys, member, pictured, scene_of
 from refkin.scenes.linkages.closures import DoesNotAssemble
 
 X, Y, Z, AT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -131,7 +131,7 @@ class SpatialLinkage(Shown):
         speed, turns, samples, branch, start, law, times, effects, evidence, name
             As in `refkin.FourBar.scene`.
         """
-        law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
+        law, times = law_and_times(speed, turns, samples, start, law, times)
         poses = self.assemble(float(law(times[0])), branch)
         bodies = (Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items())
         mechanism = Mechanism(tuple(bodies), self.joints(), self.drivers(law))
