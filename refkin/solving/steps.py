@@ -18,7 +18,6 @@ import numpy as np
 from refkin.analysis import SINGULAR, sigma_min
 from refkin.joints import SPACE, TurnAboutAxis
 from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
-from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import is_pose
 from refkin.proof.pose.isolate import isolate
@@ -160,15 +159,14 @@ class Steps:
     def _sides(self, q: Any, t: float) -> tuple[bool, float]:
         """Whether the determinants of the blocks of phi_q have the signs of the last pose; the smallest's logarithm."""
         s, last = self.system, (self.q[-1], self.t[-1])
-        if s.m == s.n and self._blocks is None:
-            self._blocks = blocks(s, *last, np.arange(s.n))
-            self._signs = self._blocks.determinants(s.phi_q(*last))[0]
-        if self._blocks is not None:
-            signs, smallest = self._blocks.determinants(s.phi_q(q, t))
-            return signs == self._signs, smallest
-        block_form = blocks(s, *last, independent_rows(s, last[0][:, None], np.array(last[1:])))
-        signs, smallest = block_form.determinants(s.phi_q(q, t))
-        return block_form.determinants(s.phi_q(*last))[0] == signs, smallest
+        parts, known = self._blocks, self._signs
+        if parts is None:
+            parts = blocks(s, *last)
+            known = parts.determinants(s.phi_q(*last))[0]
+        if s.m == s.n:  # of redundant rows others may be independent at the next pose
+            self._blocks, self._signs = parts, known
+        signs, smallest = parts.determinants(s.phi_q(q, t))
+        return signs == known, smallest
 
     def sides_of(self, phi_q: Any) -> tuple[Any, Any]:
         """Return what `_sides` does of a batch of phi_q (n, n, B), (B,) each; of equations as many as coordinates."""

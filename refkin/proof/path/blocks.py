@@ -54,7 +54,7 @@ class Blocks:
         return signs, logarithms
 
 
-def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
+def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
     """Return the irreducible diagonal blocks of n rows of phi_q.
 
     The entries that are not always zero are those that are not at the pose or at one with its bodies elsewhere,
@@ -65,9 +65,10 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     ----------
     q : (n,) array
         A pose, in the system's coordinates, at the time t [s].
-    rows : (n,) array of int
-        The rows that are solved, of the m.
+    rows : (n,) array of int, optional
+        The rows that are solved, of the m; by default some that are independent at the pose.
     """
+    rows = independent_rows(system, np.asarray(q)[:, None], np.array([t])) if rows is None else rows
     elsewhere = np.array(q, float)
     moved = system.n if system.kind is SPACE else system.of_bodies  # in space the own coordinate of a screw, too
     elsewhere[:moved] += np.sqrt(np.arange(2, moved + 2))  # no two of them in a simple ratio

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from refkin.proof.numbers.extrema import extrema_of
-from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import Crossing, Curve, crossing
 
@@ -180,10 +179,8 @@ class Tracer:
         if self.at_crossing:  # from a crossing each of its curves goes on with signs of its own
             return True
         (q, t), pose = self.curve.pose(x), self.curve.pose(new)
-        if system.m > system.n:  # which rows are independent changes along the way
-            self.blocks = blocks(system, q, t, independent_rows(system, q[:, None], np.array([t])))
-        elif self.blocks is None:
-            self.blocks = blocks(system, q, t, np.arange(system.n))
+        if self.blocks is None or system.m > system.n:  # which rows are independent changes along the way
+            self.blocks = blocks(system, q, t)
         here, there = (self.blocks.determinants(system.phi_q(*at))[0] for at in ((q, t), pose))
         return here == there
 
