@@ -26,9 +26,12 @@ FILE = Path(__file__).with_name("programs.json")
 
 
 def program(name):
-    """Return what a scene's program says of its parts, a sum of its text, and what its numbers stand for."""
-    text = str(tape(SCENES[name]))
-    return [[line for line in text.splitlines() if line[:1] == "#"], zlib.crc32(text.encode()), legend(SCENES[name])]
+    """Return what a scene's numbers stand for, what its programs say of their parts, and sums of their texts."""
+    told = [legend(SCENES[name])]
+    for evidence in (frozenset(), frozenset(Evidence)):
+        text = str(tape(replace(SCENES[name], evidence=evidence)))
+        told += [[line for line in text.splitlines() if line[:1] == "#"], zlib.crc32(text.encode())]
+    return told
 
 
 def swept(name):
