@@ -5,7 +5,7 @@
 nothing but Python, beside it.
 """
 
-VERSION = "3"
+VERSION = "4"
 """Of the set; whoever changes a problem, an answer or how they are written gives it another."""
-SHA256 = "1b028d6d707867f33d2354a6146fb546f8d7b723d93deac31d44797fe98bcec5"
+SHA256 = "101c494a968798c53065a609b71ba54e680e148dcbcf40675c59f46c76865f22"
 """The hash of the whole set of that version."""

@@ -160,7 +160,7 @@ class Draft:
         system = compile_system(stated.mechanism, unit=stated.mechanism.unit())
         solutions = _in_order(assemblies(system, stated.times[0]))
         names = assembly_names(stated, system, solutions)
-        away = [_apart(system, solutions.poses[self.assembly], q) for q in solutions.poses]
+        away = [round(_apart(system, solutions.poses[self.assembly], q), 6) for q in solutions.poses]  # mirrored: alike
         nearest = sorted(range(len(away)), key=away.__getitem__)[: MOST_OTHERS + 1]
         scenes = {names[k]: _scene(stated, system, solutions, k, f"{self.name} {names[k]}") for k in nearest}
         meant = names[self.assembly]
@@ -218,8 +218,8 @@ def _scene(stated: Stated, system: System, solutions: Assemblies, k: int, name: 
     for body in stated.mechanism.bodies:
         at = metres[system.columns(body.name)].tolist()
         origin, turned = at[: system.kind.dimension], at[system.kind.dimension :]
-        estimate = (*(round(x, lengths) for x in origin), *(round(x, decimals) for x in turned))
-        bodies.append(Body(name=body.name, estimate=estimate))
+        estimate = [round(x, lengths) + 0.0 for x in origin] + [round(x, decimals) + 0.0 for x in turned]  # none is -0
+        bodies.append(Body(name=body.name, estimate=tuple(estimate)))
     mechanism = replace(stated.mechanism, bodies=tuple(bodies))
     return Scene(mechanism=mechanism, times=stated.times, name=name.replace(" ", "-"))
 
