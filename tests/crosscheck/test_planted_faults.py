@@ -144,12 +144,12 @@ def product_without_mixed_term(a: Any, b: Any) -> float:
     return -(exudyn_readings.dot(a[2], b[0]) + exudyn_readings.dot(a[0], b[2]))
 
 
-def rows_all_plus(right: Any, engine_rows: Any, block: Any) -> Any:
-    return [replace(row, factor=abs(row.factor)) for row in right(engine_rows, block)]
+def row_with_plus(right: Any, **of_row: Any) -> Any:
+    return right(**{**of_row, "factor": abs(of_row["factor"])})
 
 
-def rows_all_linear(right: Any, engine_rows: Any, block: Any) -> Any:
-    return [replace(row, form=Linear()) for row in right(engine_rows, block)]
+def linear_row(right: Any, **of_row: Any) -> Any:
+    return right(**{**of_row, "form": Linear()})
 
 
 def start_on_the_other_side(right: Any, scene: Scene, unit: Any) -> Any:
@@ -289,10 +289,10 @@ OF_ADAPTERS = {
 }
 OF_ROWS = {
     "exudyn: a row with the wrong sign": Fault(
-        around(exudyn_model, "_row_maps", rows_all_plus), INVERTED, ("exudyn",), "residual", ("position",)
+        around(exudyn_model, "RowMap", row_with_plus), INVERTED, ("exudyn",), "residual", ("position",)
     ),
     "exudyn: a sine taken for its angle": Fault(
-        around(exudyn_model, "_row_maps", rows_all_linear), SLIDER, ("exudyn",), "jacobian", ("position",)
+        around(exudyn_model, "RowMap", linear_row), SLIDER, ("exudyn",), "jacobian", ("position",)
     ),
     "pinocchio: a length off by 1e-9 in its own rows": Fault(
         around(
