@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from crosscheck.judge.findings import read
+from crosscheck.judge.known_gaps import read_findings
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.model import Scene
 from refkin.output import Drawing, animated, still
@@ -140,7 +140,7 @@ CLASSES = {
 
 def findings() -> Iterator[str]:
     """Yield what engines were seen to do, from the table that a test holds true."""
-    known = read()
+    known = read_findings()
     for kind, meaning in CLASSES.items():
         yield f"\n## {kind.capitalize()}\n\n{meaning}\n"
         for finding in (f for f in known if f.kind == kind):

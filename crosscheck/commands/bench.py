@@ -23,7 +23,7 @@ from crosscheck.measure.bench import Key, key_of, measured_by_name, merged
 from crosscheck.measure.effects import effects_ledger
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes import workloads
-from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure, call_each
 from refkin.model import Scene
 from refkin.motion import Status

@@ -14,7 +14,7 @@ from crosscheck.errors import PASS, UsageError
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
-from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import find_engines
 
 ENGINES = ",".join(PEERS)
 

@@ -25,8 +25,7 @@ from crosscheck.night.hunting import Bag, hunt, worst_of_night
 from crosscheck.night.plan import ALWAYS, engines_option, replace_file
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import SECONDS_PER_SCENE
+from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 from refkin.scenes.files import to_toml
 
 LATEST = Path("reports/latest")

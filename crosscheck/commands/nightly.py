@@ -25,8 +25,7 @@ from crosscheck.report import verdict
 from crosscheck.report.build import summarized, write
 from crosscheck.scenes.names import PEERS, QUANTITIES
 from crosscheck.workers.cluster import LOCAL
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import SECONDS_PER_SCENE
+from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 
 CODES = {
     verdict.PASS: PASS,

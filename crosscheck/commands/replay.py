@@ -24,8 +24,7 @@ from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, repli
 from crosscheck.measure.jobs import checkers
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import SECONDS_PER_SCENE
+from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 from refkin.scenes.files import load, to_dict
 from refkin.solving.limits import said_if_long
 

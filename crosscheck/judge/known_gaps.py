@@ -1,15 +1,19 @@
-"""The table of what engines are known to get wrong: named predicates, reasons, dates. It is strict in both directions.
+"""The tables of what engines are known to get wrong: named predicates, reasons, dates. It is strict in both directions.
 
 A disagreement that no row covers is new and turns the night red. A row whose reproduction no longer disagrees has to
 go: the test suite fails until it is removed. A row that a whole night did not need, although scene after scene was of
 its kind, is shown as possibly closed.
+
+`findings.toml` is as strict about wrong answers to hard scenes: every wrong answer, crash and hang in their table needs
+a finding, and a finding that no row shows any more has to go. A finding is a fault of the engine only where it
+contradicts what the engine promises; each quotes what that is.
 """
 
 from __future__ import annotations
 
 import datetime
 import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -196,3 +200,65 @@ def rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]
 def new_disagreements(record: Record, gaps: Sequence[KnownGap]) -> list[Disagreement]:
     """Return the disagreements of a record that no row covers."""
     return Tally(gaps).add(record)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding(Strict):
+    """One finding.
+
+    Attributes
+    ----------
+    engine, method, verdict : str
+        Whose answers, and what they are classed as.
+    cases : tuple of str
+        The kinds of hard scenes that show it; none for a feature, which a night asks by itself.
+    kind : str
+        Under `class` in the file: whose fault it is.
+    quote, source : str
+        What the engine's documentation says, word for word, and where.
+    reason, since : str
+        What happens, and which versions show it.
+    scene, script : str
+        A minimal scene, and a script in the engine's own API, from the root of the project; one of them may be "".
+    """
+
+    engine: Text
+    method: Text
+    cases: Annotated[tuple[Text, ...], Field(min_length=1)] = ()
+    verdict: Text
+    kind: Annotated[KindOfGap, Field(validation_alias="class")]
+    quote: Text
+    source: Text
+    reason: Text
+    since: Text
+    date: Date
+    scene: Text = ""
+    script: Text = ""
+
+    def __post_init__(self) -> None:
+        if not (self.scene or self.script):
+            raise ValueError("neither scene nor script: nothing shows it")
+
+
+def read_findings(text: str | None = None) -> tuple[Finding, ...]:
+    """Return the findings; raises InvalidGap naming the finding and key that is wrong."""
+    return rows_of(Finding, "finding", "findings.toml", text)
+
+
+def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:
+    """Return the finding that explains a row of the table, if there is one."""
+    return next(
+        (f for f in known if (f.engine, f.method, f.verdict) == (engine, method, verdict) and case in f.cases), None
+    )
+
+
+def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[tuple[Finding, str]]:
+    """Return the findings, each with a case, that the table shows no more although the engine was asked."""
+    asked = {(row["engine"], row["method"], row["case"]) for row in rows}
+    shown = {(row["engine"], row["method"], row["case"], row["verdict"]) for row in rows}
+    return [
+        (f, case)
+        for f in known
+        for case in f.cases
+        if (f.engine, f.method, case) in asked and (f.engine, f.method, case, f.verdict) not in shown
+    ]

@@ -188,7 +188,7 @@ class ReferenceRow(Strict):
         The smallest sigma_min of a step over what a coordinate changes by in it.
     sharpness : dict
         Of some scenes, by quantity: the largest component of what is allowed over that of what is attainable, and the
-        smallest of any component, at one time (`crosscheck.judge.sharpness`).
+        smallest of any component, at one time (`crosscheck.judge.samples`).
     excuse : (time, sigma_min) or None
         A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
     """

@@ -16,8 +16,8 @@ from typing import Any
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.delivery import misshapen
-from crosscheck.judge.findings import Finding, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
+from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
 from crosscheck.workers.processes import Failure, call_each, call_in_turn
@@ -146,7 +146,7 @@ def hard_case_rows(
     """
     end = None if within is None else time.monotonic() + within
     chosen = _in_turn_by_kind(hard_cases() if cases is None else cases)
-    known = read() if findings is None else findings
+    known = read_findings() if findings is None else findings
     rows = list(_rows(engines, chosen, known, seconds, end, tell))
     order = {case.key: k for k, case in enumerate(hard_cases())}
     names = list(dict.fromkeys(_name(row) for row in rows))

@@ -44,8 +44,7 @@ from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import Job, Pool, Workers
+from crosscheck.workers.pool import Job, Pool, Workers, find_engines
 from refkin.scenes.files import to_dict
 
 ROUND = 140

@@ -10,7 +10,7 @@ from typing import Any
 
 from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
-from crosscheck.problems.stated import formula
+from crosscheck.problems import formula
 from refkin import joints
 from refkin.model import Scene
 

@@ -18,7 +18,7 @@ from xml.etree import ElementTree as ET
 
 from crosscheck.engines.spatial.turning import joint_frame, parameters
 from crosscheck.errors import CannotRun
-from crosscheck.problems.stated import formula
+from crosscheck.problems import formula
 from refkin import joints
 from refkin.model import Scene
 

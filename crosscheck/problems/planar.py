@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from crosscheck.problems.stated import TIMES, Family, Stated, polynomial, stated, within
+from crosscheck.problems import TIMES, Family, Stated, polynomial, stated, within
 from crosscheck.scenes.hard_case import ends, pin
 from refkin.joints import (
     GROUND,

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from random import Random
 from typing import Any
 
-from crosscheck.problems.stated import Family, Stated, polynomial, stated, within
+from crosscheck.problems import Family, Stated, polynomial, stated, within
 from crosscheck.scenes.hard_case import ends
 from refkin.joints import (
     GROUND,

@@ -20,8 +20,7 @@ import numpy as np
 from flint import arb, ctx
 
 from crosscheck.errors import CannotRun
-from crosscheck.problems import planar, spatial
-from crosscheck.problems.stated import Stated
+from crosscheck.problems import Stated, planar, spatial
 from refkin.joints import SPACE
 from refkin.model import Body, Scene
 from refkin.motion import Motion, Status

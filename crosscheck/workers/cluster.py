@@ -19,8 +19,16 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from crosscheck.workers.installed import name_and_version
-from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Pool, Work, Workers
+from crosscheck.workers.pool import (
+    LONGEST_WAIT,
+    MOST_KILLS,
+    SECONDS_PER_SCENE,
+    Job,
+    Pool,
+    Work,
+    Workers,
+    name_and_version,
+)
 from crosscheck.workers.processes import Failure, call_each
 
 LOCAL = "local"

@@ -3,7 +3,8 @@
 A job on which a process fails is taken apart: without any engine, then with one engine at a time, each in a process
 that has nothing else to do. So the engine that fails is known by name, and what the others answer is kept. A process
 that was killed from outside proves nothing: its job is done again. What is done, and how the parts of a job become one
-result, is handed over as a `Work`.
+result, is handed over as a `Work`. Which engines can be loaded is also tried in a process for each: one that crashes is
+missing, no more.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from typing import Any, Self
 
-from crosscheck.workers.processes import Child, Failure, Message, hang
+from crosscheck.engines import EngineError, load
+from crosscheck.errors import UsageError
+from crosscheck.workers.processes import Child, Failure, Message, call_each, hang
 
 SECONDS_PER_SCENE = 30.0
 """After this long on one scene a process is ended: some hundred times what a scene takes."""
@@ -247,3 +250,41 @@ class Workers(Pool):
             if not trial.repeated:
                 self.unexplained.append(f"{result.key}: {trial.first.name}, but not when it was done again")
             yield result
+
+
+class SameName(UsageError):
+    """Two engines have the same name, so that their answers could not be told apart."""
+
+
+def find_engines(specs: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str, str]]:
+    """Return the engines that can be loaded, as name -> (what loads it, version), and for the others why not.
+
+    Raises
+    ------
+    SameName
+        If two have the same name.
+    """
+    loaded: dict[str, tuple[str, str]] = {}
+    missing = {}
+    for spec, answer in zip(specs, call_each(_tried, specs), strict=True):
+        if isinstance(answer, Failure | str):
+            missing[spec] = answer if isinstance(answer, str) else answer.text
+        elif answer[0] in loaded:
+            raise SameName(f"engines {loaded[answer[0]][0]!r} and {spec!r} are both called {answer[0]!r}")
+        else:
+            loaded[answer[0]] = (spec, answer[1])
+    return loaded, missing
+
+
+def _tried(spec: str) -> tuple[str, str] | str:
+    """Return name and version, or why there is no such engine: no fault of ours, so no place in our code is named."""
+    try:
+        return name_and_version(spec)
+    except EngineError as error:
+        return str(error)
+
+
+def name_and_version(spec: str) -> tuple[str, str]:
+    """Return what an engine calls itself, and its version."""
+    engine = load(spec)
+    return engine.name, engine.version()

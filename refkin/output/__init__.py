@@ -5,8 +5,7 @@ It stands above the reference and knows nothing of how an answer came about.
 """
 
 from refkin.output.drawing import Drawing, NothingToDraw
-from refkin.output.picture import Picture
-from refkin.output.scene_motion import SceneMotion
+from refkin.output.scene_motion import Picture, SceneMotion
 from refkin.output.svg import animated, still
 from refkin.output.tables import MissingPackage, long, wide
 

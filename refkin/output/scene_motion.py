@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from html import escape
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +13,68 @@ import numpy as np
 from refkin.errors import InvalidRequest
 from refkin.model import Scene
 from refkin.motion import Motion
-from refkin.output.tables import Tabled
+from refkin.output.tables import MissingPackage, Tabled
+
+
+@dataclass(frozen=True, repr=False)
+class Picture:
+    """One pose of a mechanism, or its motion.
+
+    Attributes
+    ----------
+    drawing : refkin.output.Drawing
+    k : int or None
+        Number of the pose among those of the drawing; None for the motion.
+    rates : sequence of {"velocity", "acceleration"}
+        What is shown by arrows in a pose.
+    seconds : float
+        How long one run of the motion is shown [s].
+    """
+
+    drawing: Any
+    k: int | None = 0
+    rates: Sequence[str] = ()
+    seconds: float = 4.0
+
+    @property
+    def svg(self) -> str:
+        """The text of an SVG file; a motion plays by itself."""
+        from refkin.output.svg import animated, still
+
+        if self.k is None:
+            return animated(self.drawing, self.seconds)
+        return still(self.drawing, self.k, self.rates)
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def __repr__(self) -> str:
+        poses = f"{len(self.drawing.t)} poses" if self.k is None else f"t = {self.drawing.t[self.k]:g} s"
+        return f"<Picture of {self.drawing.scene.name}, {poses}: shown by a notebook, or .save('file.svg')>"
+
+    def save(self, file: str | Path) -> None:
+        """Write it as .svg; or, by matplotlib, as .png, .pdf, a motion as .gif or, with ffmpeg, .mp4.
+
+        Raises
+        ------
+        NothingToDraw
+            If nobody writes such a file.
+        MissingPackage
+            If it takes matplotlib, which is not installed.
+        """
+        file = Path(file)
+        if file.suffix.lower() == ".svg":
+            file.write_text(self.svg, encoding="utf-8")
+            return
+        try:
+            from refkin.output import raster
+        except ImportError as error:
+            message = f"{file}: matplotlib is needed for it: pip install 'refkin[figures]' ({error})"
+            raise MissingPackage(message) from error
+        if self.k is None:
+            raster.save_animation(self.drawing, file, self.seconds)
+        else:
+            raster.save_still(self.drawing, file, self.k, self.rates)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -56,7 +119,6 @@ class SceneMotion(Motion, Tabled):
         if t is not None and not np.isfinite(t):
             raise InvalidRequest("t", "a finite time [s]", repr(t))
         from refkin.output.drawing import RATES, Drawing
-        from refkin.output.picture import Picture
 
         drawing = Drawing(self.scene, self)
         rates = [rate for rate, wanted in zip(RATES, (velocity, acceleration), strict=True) if wanted]
@@ -67,7 +129,6 @@ class SceneMotion(Motion, Tabled):
         if not 0 < seconds < np.inf:
             raise InvalidRequest("seconds", "a number above 0", repr(seconds))
         from refkin.output.drawing import Drawing
-        from refkin.output.picture import Picture
 
         return Picture(Drawing(self.scene, self), None, (), seconds)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use, of_routes
-from crosscheck.judge import findings, known_gaps, workloads
+from crosscheck.judge import known_gaps, workloads
 from crosscheck.judge.hard_poses import PoseSample
 from crosscheck.judge.prices import EffectRow, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.records import Cause, Disagreement, Record
@@ -262,7 +262,7 @@ def conforming() -> Any:
         [case.key for case in turn],
         made_rows,
         len(hard_table.unexplained(made_rows)),
-        [len(findings.closed(known, made_rows[k:])) for k in (0, 3, 9)],
+        [len(known_gaps.closed(known, made_rows[k:])) for k in (0, 3, 9)],
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
-from crosscheck.judge.sharpness import _corrections, attainable_by_inputs, sharpness
+from crosscheck.judge.samples import _corrections, attainable_by_inputs, sharpness
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.motion_laws import Polynomial

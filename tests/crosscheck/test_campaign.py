@@ -24,7 +24,7 @@ from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import FEATURES, pairs_of
-from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import find_engines
 
 from .fake_engines import EXIT, HANG, alive, crosscheck, engine_file, records_of, start
 from .report_records import record, typed

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import load
-from crosscheck.engines.exudyn.effects import EFFECTS as EXUDYN
 from crosscheck.engines.exudyn.engine import Exudyn
+from crosscheck.engines.exudyn.integration import EFFECTS as EXUDYN
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.mujoco.effects import EFFECTS as MUJOCO
 from crosscheck.engines.mujoco.effects import affected as affected_plan

@@ -12,7 +12,6 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineError, load
-from crosscheck.judge.findings import Finding
 from crosscheck.judge.hard_poses import (
     GRANTED,
     HardOutcome,
@@ -23,6 +22,7 @@ from crosscheck.judge.hard_poses import (
     samples,
     truths,
 )
+from crosscheck.judge.known_gaps import Finding
 from crosscheck.measure import hard_table
 from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, outcome_of, unexplained
 from crosscheck.scenes.hard import KINDS, hard_cases

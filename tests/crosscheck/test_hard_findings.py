@@ -19,15 +19,14 @@ from crosscheck.engines.mujoco.shipped import Simulation
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import DOCUMENTED
-from crosscheck.judge.findings import closed, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome, samples, scene_truths
-from crosscheck.judge.known_gaps import InvalidGap
+from crosscheck.judge.known_gaps import InvalidGap, closed, finding_of, read_findings
 from crosscheck.measure.hard_table import BAD, classed, listed, outcome_of, unexplained
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 
 ROOT = Path(__file__).parent.parent.parent
-FINDINGS = read()
+FINDINGS = read_findings()
 ROUTES = {name: tuple(key[1] for key in listed(name)) for name in PEERS}
 IN_TABLE = [f for f in FINDINGS if f.method in ROUTES[f.engine]]
 SLOW = ("mujoco", "mj_step")
@@ -210,7 +209,7 @@ def row(verdict: str, kind: str | None = None) -> dict[str, object]:
 
 
 def test_a_finding_that_shows_no_more_is_closed():
-    (finding,) = read(ROW)
+    (finding,) = read_findings(ROW)
 
     assert closed([finding], [row("correct")]) == [(finding, "toggle")]
     assert closed([finding], [row("correct"), row("wrong")]) == []
@@ -238,7 +237,7 @@ def test_what_is_wrong_and_has_no_class_is_unexplained():
 )
 def test_a_finding_that_makes_no_sense_gets_one_clear_error(text, told):
     with pytest.raises(InvalidGap, match=told):
-        read(text)
+        read_findings(text)
 
 
 def test_only_kinds_that_exist_are_named():

@@ -26,8 +26,7 @@ from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, compare, reference
 from crosscheck.judge.hard_poses import samples, scene_truths
 from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
-from crosscheck.judge.samples import quantities, reference_row
-from crosscheck.judge.sharpness import nudged
+from crosscheck.judge.samples import nudged, quantities, reference_row
 from crosscheck.judge.truth import CertifiedTruth, NoTruth, attainable_levels
 from crosscheck.judge.violations import violations
 from crosscheck.measure.check import estimated

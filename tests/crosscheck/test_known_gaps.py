@@ -8,8 +8,16 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck.judge import findings
-from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, InvalidGap, KnownGap, Tally, new_disagreements, read
+from crosscheck.judge.known_gaps import (
+    ENOUGH,
+    PREDICATES,
+    InvalidGap,
+    KnownGap,
+    Tally,
+    new_disagreements,
+    read,
+    read_findings,
+)
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check
 
@@ -86,7 +94,7 @@ def test_a_row_whose_reproduction_shows_nothing_is_stale():
 
 def test_every_scene_of_the_corpus_belongs_to_a_row_or_to_a_test():
     result = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
-    result += " ".join(gap.reproduction for gap in GAPS) + " ".join(finding.scene for finding in findings.read())
+    result += " ".join(gap.reproduction for gap in GAPS) + " ".join(finding.scene for finding in read_findings())
 
     assert [path.name for path in (ROOT / "tests" / "corpus").glob("*.toml") if path.name not in result] == []
 

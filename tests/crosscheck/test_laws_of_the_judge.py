@@ -42,8 +42,7 @@ from crosscheck.judge.hard_poses import (
 )
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
 from crosscheck.judge.running_error import Running, U
-from crosscheck.judge.samples import histogram
-from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
+from crosscheck.judge.samples import attainable_by_inputs, histogram, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system

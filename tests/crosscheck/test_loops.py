@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import crosscheck.engines.vector_loop
 from crosscheck.documents import loops
 from crosscheck.engines import vector_loop
-from crosscheck.engines.vector_loop.solving import MinimumStatus
+from crosscheck.engines.vector_loop.marching import MinimumStatus
 from refkin.newton import NewtonStatus
 
 

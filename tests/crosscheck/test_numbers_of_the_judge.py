@@ -14,8 +14,8 @@ from crosscheck.engines import Level, load
 from crosscheck.judge import levels
 from crosscheck.judge.budget import _clock
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.findings import finding_of, read
 from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold
+from crosscheck.judge.known_gaps import finding_of
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.judge.running_error import Running
 from crosscheck.measure.check import check
@@ -97,7 +97,7 @@ def test_a_step_counts_by_the_smaller_sigma_at_its_ends():
 
 
 def test_a_finding_explains_its_own_rows_alone():
-    known = read()
+    known = read_findings()
     finding = next(f for f in known if f.cases)
     own = (finding.engine, finding.method, finding.cases[0], finding.verdict)
 

@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from crosscheck.workers import cluster, installed, processes
+from crosscheck.workers import cluster, pool, processes
 from crosscheck.workers.cluster import ClusterWorkers, NoCluster
-from crosscheck.workers.installed import SameName, find_engines
-from crosscheck.workers.pool import MOST_KILLS, Work
+from crosscheck.workers.pool import MOST_KILLS, SameName, Work, find_engines
 from crosscheck.workers.processes import Child, Failure, FailureKind, Message, call_each, call_in_turn, serve, stop
 
 CRASH = Failure(FailureKind.CRASH, "its process ended: SIGSEGV", "SIGSEGV")
@@ -179,7 +178,7 @@ def test_each_argument_has_a_process_of_its_own_and_time_to_start(called):
 
 def test_engines_are_named_by_themselves_and_the_others_missing_with_their_reason(monkeypatch):
     answers = {"a.py": ("alpha", "1"), "b.py": CRASH, "c.py": "there is none", "d.py": ("delta", "4")}
-    monkeypatch.setattr(installed, "call_each", lambda function, specs: [answers.get(s, ("alpha", "2")) for s in specs])
+    monkeypatch.setattr(pool, "call_each", lambda function, specs: [answers.get(s, ("alpha", "2")) for s in specs])
 
     assert find_engines(tuple(answers)) == (
         {"alpha": ("a.py", "1"), "delta": ("d.py", "4")},

@@ -18,7 +18,7 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
-from crosscheck.judge import sharpness
+from crosscheck.judge import samples
 from crosscheck.measure import check as checking
 from crosscheck.night.campaign import run
 from crosscheck.night.plan import NightPlan
@@ -192,7 +192,7 @@ def planted(order: int) -> Fault:
 @cache
 def attainable(scene: Scene) -> Any:
     ref = reference(scene)
-    return sharpness.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
+    return samples.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
 
 
 def one_driver_drops(motion: Motion, scene: Scene) -> Motion:
@@ -323,7 +323,7 @@ def test_a_small_night_sees_an_error_of_ten_times_the_attainable_one(order):
 
 PLANT = """
         from crosscheck.judge.comparison import reference
-        from crosscheck.judge.sharpness import attainable_by_inputs
+        from crosscheck.judge.samples import attainable_by_inputs
         ref = reference(scene)
         judged = np.flatnonzero(ref.budget().judged)[::8]
         off = np.zeros((3, *ref.levels[0].shape))

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from refkin.newton import newton
 from refkin.proof.assembly import search
 from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.loci import interval
 from refkin.proof.assembly.search import _Intervals, _Known, closes, refined
-from refkin.proof.assembly.slopes import interval
 from refkin.system import compile_system
 from tests.drawn import Drawn
 

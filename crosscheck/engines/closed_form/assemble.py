@@ -24,9 +24,8 @@ from itertools import combinations
 import numpy as np
 
 from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
-from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, midpoint
+from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, count_turns, midpoint
 from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, GroupedScene, JetPose, LineRow, RigidGroup
-from crosscheck.engines.closed_form.turns import count_turns
 from refkin.joints import GROUND
 from refkin.model import Scene
 

@@ -31,8 +31,7 @@ from crosscheck.engines import (
     refused,
     route_by,
 )
-from crosscheck.engines.exudyn.effects import EFFECTS
-from crosscheck.engines.exudyn.integration import FEATURES, INITIAL, with_initial_accelerations
+from crosscheck.engines.exudyn.integration import EFFECTS, FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.exudyn.parts import Builder
 from crosscheck.engines.exudyn.solve import (

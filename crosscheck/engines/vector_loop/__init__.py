@@ -2,13 +2,19 @@
 
 `vectors`    c r e^(i theta), and sums of them with two derivatives
 `system`     the equations: residual and Jacobian in real and in complex form, nu, gamma
-`solving`    one pose: Newton, new estimates, least squares
-`marching`   a whole cycle, on one branch
+`marching`   one pose: Newton, new estimates, least squares; a whole cycle, on one branch
 `chains`, `reading` a scene as loops: what the engine `vector_loop` solves
 """
 
-from crosscheck.engines.vector_loop.marching import LoopMarch, march
-from crosscheck.engines.vector_loop.solving import Minimum, MinimumStatus, close, minimise, with_new_estimates
+from crosscheck.engines.vector_loop.marching import (
+    LoopMarch,
+    Minimum,
+    MinimumStatus,
+    close,
+    march,
+    minimise,
+    with_new_estimates,
+)
 from crosscheck.engines.vector_loop.system import AngleRelation, LoopSystem
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 

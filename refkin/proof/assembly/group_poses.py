@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from flint import arb
 
-from refkin.proof.assembly.loci import Ball, Circle, Line, Locus, Meeting, length, meet
+from refkin.proof.assembly.loci import Ball, Circle, Line, Locus, Meeting, length, meet, whole
 from refkin.proof.assembly.rows import RowKind
-from refkin.proof.assembly.slopes import whole
 from refkin.vec import Vec
 
 

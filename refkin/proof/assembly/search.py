@@ -27,10 +27,9 @@ from refkin.motion import Array
 from refkin.newton import is_round_off
 from refkin.proof.assembly.closed_form import DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.levenberg import least_squares
-from refkin.proof.assembly.loci import Ball, above, below
+from refkin.proof.assembly.loci import Ball, above, below, interval, whole
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
-from refkin.proof.assembly.slopes import interval, whole
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 

@@ -17,7 +17,7 @@ from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
 from refkin.motion_laws import Law, Polynomial
-from refkin.output.picture import Picture
+from refkin.output.scene_motion import Picture
 from refkin.scenes.linkages.base import Branch, Shown, law_and_times, law_keys, member, pictured, scene_of
 from refkin.scenes.linkages.closures import DoesNotAssemble
 
