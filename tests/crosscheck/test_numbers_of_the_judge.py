@@ -15,7 +15,7 @@ from crosscheck.judge import levels
 from crosscheck.judge.budget import _clock
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold
-from crosscheck.judge.known_gaps import finding_of
+from crosscheck.judge.known_gaps import finding_of, read_findings
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.judge.running_error import Running
 from crosscheck.measure.check import check
