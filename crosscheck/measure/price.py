@@ -15,7 +15,7 @@ from crosscheck.engines.methods import PRICED, quantities
 from crosscheck.judge.prices import POSES, SUFFIX, PriceRow, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price_process import CYCLE, Key, measure
-from crosscheck.scenes.priced import classes
+from crosscheck.scenes.hard import priced_classes
 from crosscheck.workers.processes import SECONDS_TO_START, start, stop
 from crosscheck.workers.timing import seconds_of
 from refkin.model import Scene
@@ -156,8 +156,8 @@ def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) ->
     It may take `within` [s], beside the start of processes and the proof of the truths; `producers` as in `price`.
     """
     end, rows = time.monotonic() + within, list[dict[str, Any]]()
-    for done, (name, scene) in enumerate(classes().items()):
-        left = (end - time.monotonic()) / (len(classes()) - done)
+    for done, (name, scene) in enumerate(priced_classes().items()):
+        left = (end - time.monotonic()) / (len(priced_classes()) - done)
         prices = price(scene, producers, max(left, LEAST))
         rows += [{"scene_class": name, **row.to_json()} for row in prices.rows]
     return rows

@@ -36,7 +36,7 @@ from crosscheck.measure.jobs import scene_of
 from crosscheck.measure.price import LEAST, price_list
 from crosscheck.night.moving_parts import HEIGHT, WIDTH, DrawnSample, SceneDrawing, SpaceDrawing
 from crosscheck.night.plan import PICTURES, replace_file
-from crosscheck.scenes.priced import classes
+from crosscheck.scenes.hard import priced_classes
 from crosscheck.workers.pool import Job
 from crosscheck.workers.processes import Failure, call_in_turn
 from refkin.model import Point, Scene
@@ -71,7 +71,7 @@ def write_sections(
     tell : callable
         Is told what is being measured.
     """
-    if not PRICE * seconds >= LEAST * len(classes()):
+    if not PRICE * seconds >= LEAST * len(priced_classes()):
         return
     named = [spec for name, spec in engines.items() if name not in left_out]
     priced = (*(name for name in PRICED if name in OURS), *named)
@@ -97,7 +97,7 @@ def write_documents(folder: Path) -> None:
 
 
 def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:
-    scene = classes()[PRICED_CLASS]
+    scene = priced_classes()[PRICED_CLASS]
     point = Point(name="P", body=scene.mechanism.bodies[0].name, position=(0.3, 0.2))  # so that points have a price
     return [asdict(row) for row in effects_ledger(replace(scene, points=(point,)), engines, seconds)]
 

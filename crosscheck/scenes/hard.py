@@ -3,6 +3,9 @@
 Scenes approach the hard pose from a regular one and end at it, so that an engine may use what it found on the way; the
 last times come nearer by powers of ten. Only positions are called for: engines whose rates an adapter solves for would
 otherwise be blamed for the adapter's linear systems.
+
+And the scenes of the nightly's price list, the same every night, so that prices can be compared over nights: one
+four-bar each far from trouble, and where digits are dear.
 """
 
 from __future__ import annotations
@@ -10,6 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
+
+import numpy as np
 
 from crosscheck.scenes.hard_case import (
     DISTANCES,
@@ -29,7 +35,7 @@ from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, Pose, SliderCrank, rough
-from refkin.scenes.linkages.base import Linkage
+from refkin.scenes.linkages.base import Branch, Linkage
 
 TREES = {6.0: 4, 20.0: 1, 32.0: 1}
 """Dyads of a branching tree and the seed it is drawn with: from 30 dyads on it has more than 60 freedoms."""
@@ -229,3 +235,41 @@ def _fan(loops: int, angles: Sequence[float]) -> tuple[list[Revolute], dict[floa
         for angle in angles:
             poses[angle] |= {names[body]: q for body, q in one.assemble(angle).items()}
     return joints, poses
+
+
+SAMPLES = 73
+SPEED = 2.0
+"""Of the crank [rad/s]."""
+SLACK, SPAN = 1e-4, 0.15
+"""Distance of the lengths from a change point [m]; how far the crank turns to either side of the pose [rad]."""
+SHORT_OF = 1e-6
+"""How far before the dead centre the crank stops [rad]."""
+AWAY = 2.0**20
+"""How far from the origin of the ground a linkage lies [m], in x and in y."""
+
+
+@cache
+def priced_classes() -> dict[str, Scene]:
+    """Return the scenes of the price list by their class."""
+    far = replace(REGULAR, origin=(AWAY, AWAY))
+    flat = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + SLACK)
+    limited = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
+    limit = max(limited.input_range()[0])
+    return {
+        "regular": _turning(REGULAR, "regular"),
+        # a crank that turns through the pose at which all links nearly lie in one line
+        "near a change point": _swept(flat, math.pi - SPAN, math.pi + SPAN, "near a change point"),
+        # one that turns towards the limit at which coupler and rocker lie in one line, up to just before it
+        "near a dead centre": _swept(limited, limit - 4 * SPAN, limit - SHORT_OF, "near a dead centre"),
+        "far from the origin": _turning(far, "far from the origin"),
+    }
+
+
+def _turning(linkage: FourBar, name: str) -> Scene:
+    return linkage.scene(speed=SPEED, turns=1, samples=SAMPLES, branch=Branch.OPEN, name=name)
+
+
+def _swept(linkage: FourBar, start: float, stop: float, name: str) -> Scene:
+    times = np.linspace(0.0, (stop - start) / SPEED, SAMPLES).tolist()
+    law = Polynomial(coefficients=(start, SPEED))
+    return linkage.scene(law=law, times=times, branch=Branch.OPEN, name=name)

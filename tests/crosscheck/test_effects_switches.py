@@ -9,12 +9,12 @@ from crosscheck.engines import load
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.integration import EFFECTS as EXUDYN
 from crosscheck.engines.exudyn.model import ExudynModel
-from crosscheck.engines.mujoco.effects import EFFECTS as MUJOCO
-from crosscheck.engines.mujoco.effects import affected as affected_plan
+from crosscheck.engines.mujoco.features import EFFECTS as MUJOCO
+from crosscheck.engines.mujoco.features import affected as affected_plan
 from crosscheck.engines.mujoco.model import Plan, mujoco
-from crosscheck.engines.pinocchio.effects import EFFECTS as PINOCCHIO
-from crosscheck.engines.pinocchio.effects import EFFORT, UNREAD, ForwardDynamics, affected, pin, with_mass
 from crosscheck.engines.pinocchio.engine import PinocchioTree
+from crosscheck.engines.pinocchio.features import EFFECTS as PINOCCHIO
+from crosscheck.engines.pinocchio.features import EFFORT, UNREAD, ForwardDynamics, affected, pin, with_mass
 from crosscheck.engines.pinocchio.model import tree_model
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.scenes.names import PHYSICAL

@@ -13,7 +13,7 @@ import pytest
 from crosscheck.documents.page import digits_by_iteration
 from crosscheck.judge.truth import CertifiedTruth, attainable_levels
 from crosscheck.measure.price import price_list
-from crosscheck.scenes.priced import AWAY, REGULAR, classes
+from crosscheck.scenes.hard import AWAY, REGULAR, priced_classes
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.krawczyk import krawczyk
@@ -53,7 +53,7 @@ def test_an_ulp_of_the_lengths_moves_each_level_by_what_attainable_says_at_most(
 
 @cache
 def attainable(name):
-    return CertifiedTruth(classes()[name]).attainable
+    return CertifiedTruth(priced_classes()[name]).attainable
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -70,7 +70,7 @@ def test_far_from_the_origin_positions_in_metres_lose_the_digits_that_the_offset
 
 
 def test_a_truth_far_from_the_origin_is_not_called_better_than_its_rounding_to_metres():
-    truth = CertifiedTruth(classes()["far from the origin"])
+    truth = CertifiedTruth(priced_classes()["far from the origin"])
     digits, note = truth.digits(truth.ref.motion.q, 0)
 
     assert digits == pytest.approx(truth.attainable["position"], abs=0.5)
@@ -79,7 +79,7 @@ def test_a_truth_far_from_the_origin_is_not_called_better_than_its_rounding_to_m
 
 @pytest.mark.parametrize("name", ["regular", "near a change point", "near a dead centre", "far from the origin"])
 def test_every_pose_of_the_fixed_scenes_is_certified(name):
-    assert CertifiedTruth(classes()[name]).known.all()
+    assert CertifiedTruth(priced_classes()[name]).known.all()
 
 
 def test_a_body_that_is_not_wanted_costs_no_digits():
@@ -95,7 +95,7 @@ def test_the_price_list_has_the_class_of_each_row():
     fakes = Path(__file__).parent / "price_fakes.py"
     rows = price_list(within=4.0, producers=[f"{fakes}:PositionAlone"])
 
-    assert [row["scene_class"] for row in rows] == list(classes())
+    assert [row["scene_class"] for row in rows] == list(priced_classes())
     assert all(row["microseconds"] > 0.0 for row in rows)
 
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 import refkin
 from crosscheck.documents import loops
 from crosscheck.engines import EngineError, Level, Support, vector_loop
-from crosscheck.engines.vector_loop.engine import VectorLoop
-from crosscheck.engines.vector_loop.reading import read
+from crosscheck.engines.vector_loop.engine import VectorLoop, read
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check, permuted
 from crosscheck.strategies import Hardness, drawn_scenes

@@ -31,8 +31,7 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.mujoco.effects import EFFECTS, affected
-from crosscheck.engines.mujoco.features import FEATURES, SITES, SPARSE, Sites, SparseNewton
+from crosscheck.engines.mujoco.features import EFFECTS, FEATURES, SITES, SPARSE, Sites, SparseNewton, affected
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped

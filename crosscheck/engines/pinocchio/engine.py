@@ -30,8 +30,7 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
-from crosscheck.engines.pinocchio.features import FEATURES, with_feature
+from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected, with_feature
 from crosscheck.engines.pinocchio.model import Points, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain

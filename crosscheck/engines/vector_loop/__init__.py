@@ -3,7 +3,7 @@
 `vectors`    c r e^(i theta), and sums of them with two derivatives
 `system`     the equations: residual and Jacobian in real and in complex form, nu, gamma
 `marching`   one pose: Newton, new estimates, least squares; a whole cycle, on one branch
-`chains`, `reading` a scene as loops: what the engine `vector_loop` solves
+`chains`, `engine` a scene as loops: what the engine `vector_loop` solves
 """
 
 from crosscheck.engines.vector_loop.marching import (
