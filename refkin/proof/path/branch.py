@@ -10,7 +10,7 @@ import numpy as np
 
 from refkin.differences import EPS
 from refkin.proof.numbers.bounded import UP, U
-from refkin.proof.numbers.preconditioned import inverses
+from refkin.proof.numbers.preconditioned import independent_rows, inverses
 from refkin.proof.path.curve import Curve, crossing
 from refkin.proof.path.tube import Between, ConnectionProof, Tubes
 from refkin.proof.pose.certificate import certify
@@ -190,16 +190,17 @@ def _halved(system: System, pieces: list[Piece], between: Between) -> tuple[list
 
 
 def _near_chords(system: System, times: tuple[Any, Any], q_0: Any, q_1: Any) -> Any:
-    """Return the poses that Newton finds from the middles of chords; NaN where they are off, or on another side."""
+    """Return the poses that Newton finds from the middles of chords; NaN where they are off, or on another side.
+
+    Of redundant rows n that are independent at the first pose are solved: what is found is to be proved anyway.
+    """
     (t, t_0), middle = times, (q_0 + q_1) / 2
-    q = middle
-    if system.m != system.n:
-        return np.full_like(q, np.nan)
+    q, rows = middle, independent_rows(system, q_0, t_0)
     with np.errstate(all="ignore"):  # what leaves the numbers' range is off
         for _ in range(6):
-            inverse = inverses(np.moveaxis(system.phi_q(q, t), -1, 0))
-            q = q - np.einsum("bij,jb->ib", inverse, system.phi(q, t))
-        slopes = (np.moveaxis(system.phi_q(x, at), -1, 0) for x, at in ((q, t), (q_0, t_0)))
+            inverse = inverses(np.moveaxis(system.phi_q(q, t)[rows], -1, 0))
+            q = q - np.einsum("bij,jb->ib", inverse, system.phi(q, t)[rows])
+        slopes = (np.moveaxis(system.phi_q(x, at)[rows], -1, 0) for x, at in ((q, t), (q_0, t_0)))
         sides = [np.linalg.slogdet(np.nan_to_num(slope))[0] for slope in slopes]
         off = np.max(np.abs(q - middle), axis=0) <= SAGITTA * np.max(np.abs(q_1 - q_0), axis=0)
     return np.where(off & (sides[0] == sides[1]), q, np.nan)

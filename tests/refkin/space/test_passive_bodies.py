@@ -19,10 +19,11 @@ from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.bounded import bounded_system
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.path.blocks import dips
+from refkin.proof.path.curve import Curve
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.solving.steps import Steps
-from refkin.system import compile_system
+from refkin.system import System, compile_system
 from tests.passive import (
     SPINNING,
     cylinder,
@@ -176,6 +177,27 @@ def test_where_several_drivers_move_passive_bodies_each_step_is_proved(gap, monk
 
     assert (fast.attempt(replace(scene, evidence=frozenset())) is None) == (gap is not None)
     assert asked == [[0, 1]]
+
+
+def test_steps_of_redundant_rows_are_halved_by_newton_and_all_second_derivatives_are_one_batch(monkeypatch):
+    """A sweep to each middle, and a complex step for each coordinate, took three quarters of its time."""
+    scene = loop(telescope, SEED, (*FORMS, "printed"), off=0.002)[0]
+    swept, complex_steps, batches = list[int](), list[bool](), list[int]()
+    phi_q, bend = System.phi_q, Curve.bend
+    monkeypatch.setattr("refkin.solving.sweep.pose_between", lambda *_: swept.append(1))
+    monkeypatch.setattr(System, "phi_q", lambda s, q, t: complex_steps.append(np.iscomplexobj(q)) or phi_q(s, q, t))
+
+    def counted(*args):
+        before = sum(complex_steps)
+        bent = bend(*args)
+        batches.append(sum(complex_steps) - before)
+        return bent
+
+    monkeypatch.setattr(Curve, "bend", counted)
+
+    assert refkin.solve(scene).verdict is Status.OK
+    assert not swept
+    assert set(batches) == {1}
 
 
 @pytest.mark.parametrize(("far", "near"), [(0.29, True), (0.25, False)])
