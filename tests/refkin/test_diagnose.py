@@ -151,6 +151,25 @@ def test_change_points_have_two_tangents_that_satisfy_the_equations_to_first_ord
     assert crank_to_rocker == pytest.approx(sorted(v.rate[8] for v in path.events[0].tangents), abs=1e-6)
 
 
+@pytest.mark.parametrize("lone", ["driven", "free"])
+def test_a_linkage_beside_an_independent_crank_is_what_it_is_alone(lone):
+    """With a driver of its own: it was of higher order, which it is where nothing holds that crank."""
+    scene = at(PARALLELOGRAM, 0.0)
+    m, alone = scene.mechanism, refkin.diagnose(scene)
+    hinge = Revolute(name="L", body_i=GROUND, point_i=(0.5, 5.0), body_j="lone", point_j=(0.0, 0.0))
+    motor = replace(m.drivers[0], name="lone motor", body="lone" if lone == "driven" else "rocker")
+    bodies = (*m.bodies, Body(name="lone", estimate=(0.5, 5.0, 0.0)))
+    beside = refkin.diagnose(replace(scene, mechanism=Mechanism(bodies, (*m.joints, hinge), (*m.drivers, motor))))
+
+    if lone == "free":
+        assert beside.kind is PoseKind.HIGHER
+        return
+    assert (beside.kind, beside.rows, beside.bodies) == (alone.kind, alone.rows, alone.bodies)
+    n = len(alone.tangents[0])
+    pairs = [(a, b[:n]) for a in alone.tangents for b in beside.tangents]
+    assert sum(np.allclose(a, b, atol=1e-9) or np.allclose(a, -b, atol=1e-9) for a, b in pairs) == 2
+
+
 def test_a_dead_centre_names_rows_bodies_and_a_driver_that_would_hold():
     diagnosis = refkin.diagnose(dead_centre())
 

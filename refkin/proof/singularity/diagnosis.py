@@ -198,7 +198,7 @@ class _Examination:
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
         free, held = self.all.right_null(self.vanishing), self.joints
-        tangent_cone = cone(held, self.vanishing)
+        tangent_cone = cone(held, self.vanishing, self.system.phi_q(self.q, self.t)[self.of_joints :])
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
         who = {"rows": rows, "bodies": bodies}
         more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"

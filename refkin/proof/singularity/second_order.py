@@ -155,8 +155,21 @@ class Cone:
     is_definite: bool = False
 
 
-def cone(held: Balanced, tolerance: float) -> Cone:
-    """Return which of the motions that some rows allow to first order go on to second order."""
+def cone(held: Balanced, tolerance: float, driven: Any = None) -> Cone:
+    """Return which of the motions that some rows allow to first order go on to second order.
+
+    Motions that no condition feels, and that drivers hold, are left out as far as one driver stays: they are those of
+    linkages that have nothing to do with a singular one.
+
+    Parameters
+    ----------
+    held : Balanced
+        The rows of joints.
+    tolerance : float
+        Largest singular value that counts as zero.
+    driven : (d, n) array, optional
+        The slopes of the drivers' rows; by default there are none.
+    """
     rank = held.rank(tolerance)
     free, count = held.right_null(tolerance), held.system.n - rank
     forms = [free.T @ held.bend(psi) @ free for psi in held.left_null(rank)]
@@ -165,6 +178,14 @@ def cone(held: Balanced, tolerance: float) -> Cone:
     independent = [_symmetric(b, count) for b in basis[: int(np.sum(sizes > tolerance))]]
     if not independent:
         return Cone(0)
+    _, sizes, basis = np.linalg.svd(np.vstack(independent))
+    felt, idle = np.split(basis.T, [int(np.sum(sizes > tolerance))], axis=1)
+    if (
+        driven is not None
+        and 0 < idle.shape[1] < len(driven)
+        and np.linalg.matrix_rank(driven @ free @ idle) == idle.shape[1]
+    ):
+        free, count, independent = free @ felt, felt.shape[1], [felt.T @ form @ felt for form in independent]
     definite = any(np.ptp(np.sign(values)) == 0 for values in (_eigenvalues(f, tolerance) for f in independent))
     if count == 2:
         directions = tuple(a for a in roots(independent[0]) if all(abs(a @ b @ a) <= SATISFIED for b in independent))
