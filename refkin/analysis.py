@@ -31,6 +31,8 @@ SINGULAR = 8 * np.sqrt(EPS)
 """A pose is singular where sigma_min of the scaled phi_q is no larger: first-order terms do not isolate it."""
 NEAR, FURTHEST, REACH = 1 / 4, 1.0, 1 / 4
 """Of a step: largest first correction / move, largest move; largest move onto a singular pose [sizes, rad]."""
+MOST_STEPS = 5000
+"""Steps from one time to the next, two seconds or three: a crank that turns 300 times between them needs so many."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
@@ -147,22 +149,24 @@ def march(system: System, q: Any, times: Sequence[float]) -> Any:
 
 
 def _next(system: System, q: Any, t: float, target: float) -> tuple[Any, bool]:
-    """Return the pose at a later time, in as many steps as it takes, and whether the branch goes on from it.
+    """Return the pose at a later time, in `MOST_STEPS` at most, and whether the branch goes on from it.
 
     A step is predicted along the velocity, and halved until Newton's method stays near the prediction.
     """
     h = target - t
-    while t < target:
+    for _ in range(MOST_STEPS):
         to = target if t + h >= target else t + h
         result = position(system, q + (to - t) * velocity(system, q, t), to)
         if _stays(system, q, t, result, to):
             q, t, h = result.q, to, 2 * h
+            if t == target:
+                return q, bool(sigma_min(system.phi_q(q, target)) > SINGULAR)
         elif h > 4 * EPS * max(abs(t), abs(target), target - t):
             h /= 2
         else:
             break
     else:
-        return q, bool(sigma_min(system.phi_q(q, target)) > SINGULAR)
+        return np.full_like(q, np.nan), False
     result = position(system, q, target, max_iterations=60)  # to a singular pose Newton's method comes slowly
     near = result.converged and np.max(np.abs(result.q - q)) <= REACH
     return (result.q if near and sigma_min(system.phi_q(result.q, target)) <= SINGULAR else np.nan), False

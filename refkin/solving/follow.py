@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from refkin.errors import UnknownName
+from refkin.errors import InvalidRequest, UnknownName
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
@@ -189,7 +189,7 @@ def follow(
     Raises
     ------
     ValueError
-        If a system is given without a pose to start from.
+        If a system is given without a pose to start from, or drivers whose rates are beyond float64.
     """
     system = compile_system(given.mechanism, unit=given.mechanism.unit())
     message, limits = "", until or (-math.inf, math.inf)
@@ -210,6 +210,8 @@ def follow(
     q = frames.inward(q)
     curve = Curve.through(frames.inner, q, np.linspace(*limits, 9) if np.isfinite(limits).all() else [t])
     continuation, unit = _Continuation(frames, curve), curve.scale[-1]
+    if not unit > 0.0:
+        raise InvalidRequest("law", "drivers whose rates float64 holds, between the first time and the last", "inf")
     endless = bool(np.isinf(limits).all()) and _is_driven_angle(system.mechanism)
     tracer = Tracer(curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
 

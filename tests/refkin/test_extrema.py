@@ -69,3 +69,10 @@ def test_pieces_of_a_periodic_table_repeat():
 
     assert [spline.value(t) for t in times] == pytest.approx(AROUND(times).tolist(), abs=1e-13)
     assert [spline.rate(t) for t in times] == pytest.approx(AROUND(times, 1).tolist(), abs=1e-12)
+
+
+def test_a_polynomial_whose_rate_leaves_float64_has_its_extrema():
+    """f' is 2 c t - 4 c t^3 + ..., whose second coefficient overflows: that ended in an OverflowError."""
+    law = Polynomial(coefficients=(0.3, 0.0, 0.5e308, 0.0, -1e308))
+
+    assert extrema(law, 0.1, 10.0) == [pytest.approx(0.5, rel=1e-15)]

@@ -523,3 +523,11 @@ def test_the_length_of_tangents_is_nothing_to_the_path_that_is_chosen(length):
     k = path.events[0].index
     unit = np.tile([PARALLELOGRAM.scene().mechanism.size()] * 2 + [1.0], 3)
     assert np.linalg.norm((path.q[:, k + 1] - path.q[:, k]) / unit) == pytest.approx(FIRST_STEP, rel=0.5)
+
+
+def test_a_path_whose_drivers_leave_float64_is_refused():
+    """It ended in a LinAlgError of NumPy's."""
+    law = Polynomial(coefficients=(0.3, 0.0, 1e308))
+
+    with pytest.raises(refkin.InvalidRequest, match="rates"):
+        refkin.follow(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=law, times=(0.0, 10.0)))

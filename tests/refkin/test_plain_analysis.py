@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Status, analysis
+from refkin import FourBar, InvertedSliderCrank, Polynomial, Sinusoid, SliderCrank, Status, analysis
 from refkin.system import compile_system
 
 ROOT = Path(__file__).parents[2]
@@ -199,3 +199,13 @@ def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_th
     monkeypatch.setattr(analysis, "velocity", lambda _, there, at: rate * (there is result.q) + np.zeros_like(q))
 
     assert analysis._stays(system, q, t, result, to) is stays
+
+
+def test_a_wheel_that_turns_too_often_between_two_times_is_given_up(monkeypatch):
+    """It went on for hours."""
+    monkeypatch.setattr(analysis, "MOST_STEPS", 50)
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    laws = [Polynomial(coefficients=(0.3, w)) for w in (10.0, 1e15)]
+    motions = [analysis.sweep(linkage.scene(law=law, times=(0.0, 1.0))) for law in laws]
+
+    assert [motion.status[-1] for motion in motions] == [Status.OK, Status.BRANCH_LOST]

@@ -104,8 +104,10 @@ def zeros(law: Law, a: float, b: float) -> list[float]:
 
 
 def derivative(law: Polynomial) -> Polynomial:
-    """Return f'; its coefficients are rounded."""
-    return Polynomial(coefficients=tuple(k * c for k, c in enumerate(law.coefficients) if k))
+    """Return f' with rounded coefficients; a small part of it where they would leave float64: it has the same zeros."""
+    exact = all(np.all(np.isfinite(k * c)) for k, c in enumerate(law.coefficients))
+    part = 1.0 if exact else 0.5 ** len(law.coefficients)
+    return Polynomial(coefficients=tuple(k * (part * c) for k, c in enumerate(law.coefficients) if k))
 
 
 class Signs:
