@@ -8,6 +8,8 @@ from pathlib import Path
 
 MOST_CHARACTERS = 2000
 """Of what an engine says, so many are kept."""
+MOST_QUOTED = 100
+"""Of what is asked for, so many are repeated in a message."""
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
 INTERRUPTED = 130
 
@@ -29,6 +31,11 @@ def kept(text: str) -> str:
     """Return what an engine says as records hold it: of bounded length, and what UTF-8 cannot say written out."""
     text = text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."
     return text.encode("utf-8", "backslashreplace").decode()
+
+
+def quoted(text: str) -> str:
+    """Return text in quotes, as one line of a message has room for it."""
+    return repr(text) if len(text) <= MOST_QUOTED else f"{text[:MOST_QUOTED]!r}... ({len(text)} characters)"
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from rich.table import Table
 from crosscheck.commands.usage import console, table
 from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available
 from crosscheck.engines import load as load_engine
-from crosscheck.errors import PASS, UsageError
+from crosscheck.errors import PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
@@ -35,9 +35,13 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
     """Return the names in a list separated by commas; an engine nobody has heard of is a usage error."""
     named = [name.strip() for name in text.split(",") if name.strip()]
     known = available()
+    if not named:
+        raise UsageError(f"--engines: expected names of engines, separated by commas, got {quoted(text)}")
     for name in named:
         if name not in known and ":" not in name:
-            raise UsageError(f"no engine is called {name!r}; there are: {', '.join(sorted(known))}, or file.py:Class")
+            raise UsageError(
+                f"no engine is called {quoted(name)}; there are: {', '.join(sorted(known))}, or file.py:Class"
+            )
     return tuple(dict.fromkeys((*always, *named)))
 
 

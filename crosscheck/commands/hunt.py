@@ -66,6 +66,11 @@ def hunt_worst(
         print("\n".join(missing.values()), file=sys.stderr)
         return ENGINE_MISSING
     specs = {name: spec for name, (spec, _) in installed.items()}
+    for name, spec in specs.items():
+        if not load(spec).routes():
+            raise UsageError(
+                f"--engines: expected engines with one method or more, got {name!r}: its routes() are none"
+            )
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
     bag, starts = Bag(), _starts(night, specs)
     print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)

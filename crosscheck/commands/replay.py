@@ -18,7 +18,7 @@ from crosscheck.commands.engines import (
     rows_table,
 )
 from crosscheck.commands.usage import Json, console, positive, shown_progress, table
-from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import read
 from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
 from crosscheck.measure.jobs import checkers
@@ -82,6 +82,8 @@ def conform(engine: str, *, as_json: Json = False) -> int:
     engine
         A name, or `file.py:Class`.
     """
+    if not engine.strip():
+        raise UsageError(f"ENGINE: expected a name, or `file.py:Class`, got {quoted(engine)}")
     installed, missing = find_engines((engine,))
     if missing:
         print(*missing.values(), sep="\n")

@@ -44,7 +44,7 @@ def positive(key: str, value: float | None) -> None:
 
 def writable(key: str, file: Path | None) -> None:
     """Refuse a file that cannot be written, before anything is computed for it; None was not given."""
-    if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
+    if file is not None and ("\0" in str(file) or file.is_dir() or not file.absolute().parent.is_dir()):
         raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.engines.frames import RowMap
-from crosscheck.errors import kept
+from crosscheck.errors import kept, quoted
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
@@ -423,7 +423,7 @@ def _class_of(spec: str) -> Any:
                 raise EngineError(
                     f"{spec}: name the class in it, too, as in {spec}:Mine"
                     if spec.endswith(".py")
-                    else f"no engine is called {spec!r}; {known}"
+                    else f"no engine is called {quoted(spec)}; {known}"
                 )
             return points[spec].load()
         module = _module_of_file(where) if where.endswith(".py") else import_module(where)

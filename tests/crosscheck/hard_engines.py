@@ -48,6 +48,15 @@ class Right:
         return replace(motion, producer=Producer(name=self.name, version="0", route=ROUTE))
 
 
+class NoMethods(Right):
+    """Has no method at all."""
+
+    name = "none"
+
+    def routes(self) -> Sequence[Route]:
+        return ()
+
+
 class Wrong(Right):
     """Is off by 1e-9 at the last time, and says nothing."""
 
