@@ -35,7 +35,7 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
     """Return the names in a list separated by commas; an engine nobody has heard of is a usage error."""
     named = [name.strip() for name in text.split(",") if name.strip()]
     known = available()
-    if not named:
+    if text and not named:
         raise UsageError(f"--engines: expected names of engines, separated by commas, got {quoted(text)}")
     for name in named:
         if name not in known and ":" not in name:

@@ -40,7 +40,7 @@ def test_rows_are_printed_as_json(command):
         (("hunt", "--engines", f"{ENGINES}:NoMethods", "--minutes", "0.01"), 2, "its routes() are none"),
         (("hunt", "--engines", "x" * 100_000), 2, "'... (100000 characters); there are: closed_form"),
         (("hard", "--engines", ","), 2, "--engines: expected names of engines, separated by commas, got ','"),
-        (("replay", "examples/crank-rocker.toml", "--engines", ""), 2, "separated by commas, got ''"),
+        (("replay", "examples/crank-rocker.toml", "--engines", " ,"), 2, "separated by commas, got ' ,'"),
         (("conform", " "), 2, "ENGINE: expected a name, or `file.py:Class`, got ' '"),
         (("hunt", "--minutes", "0"), 2, "--minutes: expected a number above 0"),
     ],
