@@ -29,10 +29,8 @@ from refkin.system import System, compile_system
 
 SINGULAR = 8 * np.sqrt(EPS)
 """A pose is singular where sigma_min of the scaled phi_q is no larger: first-order terms do not isolate it."""
-NEAR, FURTHEST, REACH = 1 / 4, 1.0, 1 / 4
-"""Of a step: largest first correction / move, largest move; largest move onto a singular pose [sizes, rad]."""
-MOST_STEPS = 5000
-"""Steps from one time to the next, two seconds or three: a crank that turns 300 times between them needs so many."""
+NEAR, FURTHEST, REACH, MOST_STEPS = 1 / 4, 1.0, 1 / 4, 5000
+"""Of a step: largest first correction / move, move, move onto a singular pose [sizes, rad]; steps to a time."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
@@ -153,20 +151,18 @@ def _next(system: System, q: Any, t: float, target: float) -> tuple[Any, bool]:
 
     A step is predicted along the velocity, and halved until Newton's method stays near the prediction.
     """
-    h = target - t
-    for _ in range(MOST_STEPS):
+    h, left = target - t, MOST_STEPS
+    while t < target and (left := left - 1):
         to = target if t + h >= target else t + h
         result = position(system, q + (to - t) * velocity(system, q, t), to)
         if _stays(system, q, t, result, to):
             q, t, h = result.q, to, 2 * h
-            if t == target:
-                return q, bool(sigma_min(system.phi_q(q, target)) > SINGULAR)
         elif h > 4 * EPS * max(abs(t), abs(target), target - t):
             h /= 2
         else:
             break
     else:
-        return np.full_like(q, np.nan), False
+        return (q, bool(sigma_min(system.phi_q(q, target)) > SINGULAR)) if left else (np.nan, False)
     result = position(system, q, target, max_iterations=60)  # to a singular pose Newton's method comes slowly
     near = result.converged and np.max(np.abs(result.q - q)) <= REACH
     return (result.q if near and sigma_min(system.phi_q(result.q, target)) <= SINGULAR else np.nan), False
