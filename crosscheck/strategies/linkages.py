@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from itertools import permutations
 from typing import Any
 
 from hypothesis import strategies as st
-from hypothesis.strategies import DrawFn, SearchStrategy
+from hypothesis.strategies import DrawFn
 
 from refkin.scenes.linkages import FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
 
@@ -70,7 +70,16 @@ def four_bars(
     )
 
 
-def slider_cranks(**bounds: Any) -> SearchStrategy[SliderCrank]:
+@st.composite
+def slider_cranks(
+    draw: DrawFn,
+    *,
+    min_size: float = 1e-3,
+    max_size: float = 1e3,
+    max_ratio: float = 8.0,
+    max_offset: float = 10.0,
+    slack_decades: Decades | None = None,
+) -> SliderCrank:
     """Return slider-cranks: central and offset, the crank shorter or longer than the rod, turning fully or not.
 
     Bounds are those of `four_bars`, with the shorter of crank and rod for the shortest link; the slack is
@@ -78,18 +87,28 @@ def slider_cranks(**bounds: Any) -> SearchStrategy[SliderCrank]:
 
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
-    return _sliding(SliderCrank, **bounds)
+    crank, rod, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
+    return SliderCrank(crank, rod, offset, **place)
 
 
-def inverted_slider_cranks(**bounds: Any) -> SearchStrategy[InvertedSliderCrank]:
+@st.composite
+def inverted_slider_cranks(
+    draw: DrawFn,
+    *,
+    min_size: float = 1e-3,
+    max_size: float = 1e3,
+    max_ratio: float = 8.0,
+    max_offset: float = 10.0,
+    slack_decades: Decades | None = None,
+) -> InvertedSliderCrank:
     """Return inverted slider-cranks: the lever's line through its pivot or beside it, the crank turning fully or not.
 
     Bounds are those of `slider_cranks`; the slack is ``|ground - crank| - |offset|``.
 
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """
-    made = lambda crank, ground, offset, **place: InvertedSliderCrank(ground, crank, offset, **place)  # noqa: E731
-    return _sliding(made, **bounds)
+    crank, ground, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
+    return InvertedSliderCrank(ground, crank, offset, **place)
 
 
 def _draw_lengths(
@@ -109,31 +128,23 @@ def _draw_lengths(
     return [s, s + d, s + d + above, s + 2 * d + above - slack]
 
 
-@st.composite
-def _sliding(
-    draw: DrawFn,
-    made: Callable[..., Any],
-    *,
-    min_size: float = 1e-3,
-    max_size: float = 1e3,
-    max_ratio: float = 8.0,
-    max_offset: float = 10.0,
-    slack_decades: Decades | None = None,
-) -> Any:
-    """Draw two lengths, an offset below their sum with |difference| - |offset| = slack, a place, and what they make."""
-    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
-    size = draw_size(draw, min_size, max_size)
-    form = draw(NEAR_CHANGE_POINT if slack_decades else FORMS, label="form")
+def _draw_sliding(
+    draw: DrawFn, sizes: tuple[float, float], max_ratio: float, max_offset: float, decades: Decades | None
+) -> tuple[float, float, float, dict[str, Any]]:
+    """Draw two lengths, an offset below their sum with |difference| - |offset| = slack, and a place."""
+    _check_bounds(*sizes, max_ratio, max_offset, decades)
+    size = draw_size(draw, *sizes)
+    form = draw(NEAR_CHANGE_POINT if decades else FORMS, label="form")
     slack = more = draw(st.floats(0.25, max_ratio - 1), label="difference")
     if form == "the shorter turns fully":
-        slack = _draw_slack(draw, more, slack_decades)
+        slack = _draw_slack(draw, more, decades)
     elif form == "the shorter rocks":
-        slack = -_draw_slack(draw, 1.5, slack_decades)
+        slack = -_draw_slack(draw, 1.5, decades)
     short, more, slack = _on_grid((size, more * size, slack * size), max_ratio * size)
     offset = (more - slack) * draw(st.sampled_from((1, -1)), label="side of the offset")
     first_is_shorter = draw(st.sampled_from((True, False)), label="first is shorter")
     lengths = (short, short + more) if first_is_shorter else (short + more, short)
-    return made(*lengths, offset, **draw_place(draw, max_offset * size))
+    return *lengths, offset, draw_place(draw, max_offset * size)
 
 
 def _draw_slack(draw: DrawFn, largest: float, decades: Decades | None) -> float:

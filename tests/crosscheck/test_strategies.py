@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from functools import cache
+from inspect import signature
 from itertools import pairwise
 from random import Random
 
@@ -415,6 +416,17 @@ def test_monotone_laws_go_from_end_to_end_without_a_stop(data, first, step, dura
 def test_bounds_that_contradict_each_other_are_an_error(strategy, bounds, named):
     with pytest.raises(ValueError, match=named):
         find(strategy(**bounds), lambda _: True)
+
+
+@pytest.mark.parametrize("strategy", [four_bars, slider_cranks, inverted_slider_cranks])
+def test_a_strategy_of_linkages_says_which_bounds_it_takes(strategy):
+    """To whoever asks for help, in a failing example, and where one is misspelt."""
+    bounds = {"min_size", "max_size", "max_ratio", "max_offset", "slack_decades"}
+
+    assert bounds <= signature(strategy).parameters.keys()
+    assert repr(strategy(min_size=1.0)) == f"{strategy.__name__}(min_size=1.0)"
+    with pytest.raises(TypeError, match=f"{strategy.__name__}.* 'smallest'"):
+        strategy(smallest=1.0)
 
 
 SHRUNK = settings(database=None, max_examples=1000)
