@@ -72,6 +72,8 @@ class _Alike:
         self.at = np.array([p.row for p in placed]) + np.arange(self.each[0].rows)[:, None]
 
     def __getattr__(self, name: str) -> Any:
+        if name == "each":  # of a copy that is not filled in yet
+            raise AttributeError(name)
         return getattr(self.each[0], name)
 
     def inputs(self, t: float, unit: Unit, order: int) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,13 @@ def test_assembly_by_groups_is_that_of_the_reference(name):
     assert np.array_equal(large.phi_q(q, 0.3).toarray(), system.phi_q(q, 0.3))
     assert np.array_equal(large.nu(q, 0.3), system.nu(q, 0.3))
     assert np.array_equal(large.gamma(q, qd, 0.3), system.gamma(q, qd, 0.3))
+
+
+def test_a_copy_is_the_same_system():
+    large = SparseSystem(system_of(SCENES["four-bar"]))
+    q, _ = drawn(large.system)
+
+    assert np.array_equal(deepcopy(large).phi(q, 0.3), large.phi(q, 0.3))
 
 
 @pytest.mark.parametrize("together", [False, True])
