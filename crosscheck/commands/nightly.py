@@ -21,18 +21,18 @@ from crosscheck.night.campaign import make_room, run, seed_of
 from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
-from crosscheck.report import verdict
+from crosscheck.report import summary
 from crosscheck.report.build import summarized, write
 from crosscheck.scenes.names import PEERS, QUANTITIES
 from crosscheck.workers.cluster import LOCAL
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 
 CODES = {
-    verdict.PASS: PASS,
-    verdict.NEW_DISAGREEMENTS: DISAGREEMENT,
-    verdict.ENGINE_MISSING: ENGINE_MISSING,
-    verdict.INFRASTRUCTURE: INFRASTRUCTURE,
-    verdict.NOTHING_RAN: NOTHING_RAN,
+    summary.PASS: PASS,
+    summary.NEW_DISAGREEMENTS: DISAGREEMENT,
+    summary.ENGINE_MISSING: ENGINE_MISSING,
+    summary.INFRASTRUCTURE: INFRASTRUCTURE,
+    summary.NOTHING_RAN: NOTHING_RAN,
 }
 """A night ends as its report says; the worst comes first there."""
 SECONDS_FOR_PICTURES = 30.0

@@ -196,14 +196,11 @@ def nudged(item: Any, numbers: random.Random) -> Any:
     if isinstance(item, float) and item != 0.0:
         return nextafter(item, inf if numbers.random() < 0.5 else -inf)
     moved = by_parts(item, lambda part: nudged(part, numbers))
-    return _same_ends(moved, item) if isinstance(item, Table) else moved
-
-
-def _same_ends(moved: Any, table: Table) -> Any:
-    """Return a moved table that begins and ends where it did, for the times do, and is periodic if it was."""
-    argument = (table.argument[0], *moved.argument[1:-1], table.argument[-1])
-    value = (*moved.value[:-1], moved.value[0]) if table.periodic else moved.value
-    return replace(moved, argument=argument, value=value)
+    if not isinstance(item, Table):
+        return moved
+    # a table begins and ends where it did, for the times do, and is periodic if it was
+    argument = (item.argument[0], *moved.argument[1:-1], item.argument[-1])
+    return replace(moved, argument=argument, value=(*moved.value[:-1], moved.value[0 if item.periodic else -1]))
 
 
 def _corrections(system: System, levels: Sequence[Any], times: Sequence[float]) -> Any:

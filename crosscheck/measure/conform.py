@@ -103,7 +103,9 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
             if wrong.method in beyond:
                 continue
             beyond.add(wrong.method)
-        yield Fault(level, _words(wrong), _example(wrong), tuple(dict.fromkeys(types[n] for n in wrong.violated)))
+        ratio = "" if wrong.ratio is None else f"{wrong.ratio:.3g} times the allowed error"
+        example = "; ".join(filter(None, (wrong.worst if wrong.kind is not Cause.NOT_DELIVERED else "", ratio)))
+        yield Fault(level, _words(wrong), example, tuple(dict.fromkeys(types[n] for n in wrong.violated)))
 
 
 def _words(wrong: Disagreement) -> str:
@@ -113,11 +115,6 @@ def _words(wrong: Disagreement) -> str:
     text = words.get(wrong.kind, wrong.name)
     subject = "" if wrong.quantity == STATUS else f"{wrong.quantity} "
     return f"{subject}{text} (method {wrong.method!r})"
-
-
-def _example(wrong: Disagreement) -> str:
-    ratio = "" if wrong.ratio is None else f"{wrong.ratio:.3g} times the allowed error"
-    return "; ".join(filter(None, (wrong.worst if wrong.kind is not Cause.NOT_DELIVERED else "", ratio)))
 
 
 def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:

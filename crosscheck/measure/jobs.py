@@ -31,13 +31,10 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     scenes = [(draw(job["night"], number), number) for number in job["shards"]]
     seen = job.get("seen", {})
     about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
-    best = max(range(len(scenes)), key=lambda k: _new_in(about[k], seen))
+    # how much of each is new: 1 for a pair of features not met yet, 1/2 for one met once, and so on
+    new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
+    best = new.index(max(new))
     return scenes[best][0].scene, about[best]
-
-
-def _new_in(about: Mapping[str, Any], seen: Mapping[str, int]) -> float:
-    """Return how much of a scene is new: 1 for a pair of features not met yet, 1/2 for one met once, and so on."""
-    return sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(about))
 
 
 def check_job(job: Mapping[str, Any]) -> Record:

@@ -210,18 +210,14 @@ def change_points(values: Sequence[float]) -> dict[int, float]:
     logs = np.log(np.asarray(values, float))
     padded = np.pad(logs, 2, mode="reflect")
     smooth = np.median(np.stack([padded[k : k + n] for k in range(5)]), axis=0)
-    price = PER_CUT * math.log(n) * _noise(logs) ** 2
+    # the standard deviation of normal noise, from the median of the differences of neighbours
+    noise = max(QUIET, 1.4826 * float(np.median(np.abs(np.diff(logs)))) / math.sqrt(2.0))
+    price = PER_CUT * math.log(n) * noise**2
     cuts = _partition(smooth, price)
     edges = [0, *cuts, n]
     levels = [float(np.median(smooth[a:b])) for a, b in pairwise(edges)]
     factors = {cut: math.exp(levels[k + 1] - levels[k]) for k, cut in enumerate(cuts)}
     return {cut: factor for cut, factor in factors.items() if abs(math.log(factor)) >= math.log1p(SMALLEST)}
-
-
-def _noise(logs: Any) -> float:
-    """Return the standard deviation of the noise, from the median of the differences of neighbours (normal noise)."""
-    typical = float(np.median(np.abs(np.diff(logs))))
-    return max(QUIET, 1.4826 * typical / math.sqrt(2.0))
 
 
 def _partition(x: Any, price: float) -> list[int]:

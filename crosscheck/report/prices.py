@@ -186,15 +186,12 @@ def iterations_of_notes(rows: Sequence[Row]) -> Figure:
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
-    panels = (effects_bars([_of_ledger(row) for row in rows]),) if rows else ()
+    # what a file leaves out of a row of the ledger is not known
+    unknown: Any = {"method": "", "setting": "", "without": 0.0, "called_for": True}
+    ledger = [EffectRow(**unknown | {f.name: row[f.name] for f in fields(EffectRow) if f.name in row}) for row in rows]
+    panels = (effects_bars(ledger),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
     lines = tuple(tuple(changes[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
     return Figure(panels, (), head, lines)
-
-
-def _of_ledger(row: Row) -> EffectRow:
-    """Return a row as the ledger has it; what a file leaves out is not known."""
-    unknown: Any = {"method": "", "setting": "", "without": 0.0, "called_for": True}
-    return EffectRow(**unknown | {f.name: row[f.name] for f in fields(EffectRow) if f.name in row})

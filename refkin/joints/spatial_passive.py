@@ -61,7 +61,9 @@ def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:
         here = reached.pop()
         for c in at[here]:
             (other,) = {*c.bodies} - {here} or {here}
-            if other in lines or all(_blind(e, here, lines[here]) for e in _elements(c)):
+            # rows that no element says, None: every spin changes those
+            elements: Sequence[Element | None] = c.placed_elements or ((None,) if c.rows else ())
+            if other in lines or all(_blind(e, here, lines[here]) for e in elements):
                 continue
             there = (_carried(k, here, lines[here]) for k in at[here] if other in k.bodies and other in at)
             carried = next((line for line in there if line is not None), None)
@@ -71,11 +73,6 @@ def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:
             reached.append(other)
     outer = {getattr(c, "joint", "") or c.name for name in lines for c in at[name] if not lines.keys() >= {*c.bodies}}
     return lines if len(outer) > 1 else None
-
-
-def _elements(c: Any) -> Sequence[Element | None]:
-    """Return the elements of a constraint; if it has rows and no element says them, None: every spin changes those."""
-    return c.placed_elements or ((None,) if c.rows else ())
 
 
 def _blind(e: Element | None, body: str, line: Line) -> bool:

@@ -12,8 +12,8 @@ import pytest
 from crosscheck.engines import EngineError, EngineRefusal, Level, Support
 from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.engine import ClosedForm
-from crosscheck.engines.closed_form.groups import Circle, Line, line_and_circle
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
+from crosscheck.engines.closed_form.linkage import Circle, Line, line_and_circle
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status

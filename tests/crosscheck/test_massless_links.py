@@ -11,7 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines.pinocchio import engine as pinocchio_engine
 from crosscheck.engines.pinocchio.engine import PinocchioTree
-from crosscheck.engines.tree.tree_motion import link_terms
+from crosscheck.engines.tree.tree_system import link_terms
 from crosscheck.measure.check import check
 
 NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"

@@ -11,8 +11,7 @@ import pytest
 
 from crosscheck.engines import Level
 from crosscheck.engines.mujoco.engine import Mujoco
-from crosscheck.engines.mujoco.model import Plan
-from crosscheck.engines.mujoco.parts import Driven
+from crosscheck.engines.mujoco.model import Driven, Plan
 from crosscheck.engines.mujoco.rows import MujocoRows
 from refkin.joints import (
     Revolute,

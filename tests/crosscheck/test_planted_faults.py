@@ -20,7 +20,7 @@ from crosscheck.engines.frames import Linear
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.engines.mujoco import rows as mujoco_rows
 from crosscheck.engines.pinocchio import engine as pin_engine
-from crosscheck.engines.tree import tree_motion
+from crosscheck.engines.tree import tree_system
 from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.measure.check import check
 from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
@@ -269,7 +269,7 @@ OF_ADAPTERS = {
         ("position", "velocity"),
     ),
     "joint trees: bodies permuted": Fault(
-        around(tree_motion, "body_levels", lambda right, engine, march, bodies: right(engine, march, bodies[::-1])),
+        around(tree_system, "body_levels", lambda right, engine, march, bodies: right(engine, march, bodies[::-1])),
         FOUR_BAR,
         BY_TREE,
         "position",
@@ -357,14 +357,14 @@ def one_missing(levels: Any, bodies: Any) -> None:
     ],
 )
 def test_an_answer_that_is_none_is_called_what_it_is(spoil, quantity, kind, monkeypatch):
-    right = tree_motion.body_levels
+    right = tree_system.body_levels
 
     def spoilt(engine: Any, march: Any, bodies: Any) -> Any:
         levels = right(engine, march, bodies)
         spoil(levels, bodies)
         return levels
 
-    monkeypatch.setattr(tree_motion, "body_levels", spoilt)
+    monkeypatch.setattr(tree_system, "body_levels", spoilt)
 
     assert {(d.engine, d.quantity, d.kind) for d in disagreements(FOUR_BAR)} == {
         (engine, quantity, kind) for engine in BY_TREE

@@ -6,7 +6,7 @@ Four deductions suffice for every group of class II:
 2. Two groups of one family that share a node are one group.
 3. Two groups that share two nodes are one group: the nodes give the angle.
 4. Two groups of one family with two rows between them are one group; two rows between a group and a lone node
-   put the node into the group. Each row is a line or a circle, so `groups` says where they meet. A row is a line row,
+   put the node into the group. Each row is a line or a circle, so `linkage` says where they meet. A row is a line row,
    a distance row, or a *link*: a third group that shares a node with either side holds the two nodes at a distance.
 
 RRR: the inner pin is a lone node with two links. RRP: slider and guide are of one family, with a line row and a link.
@@ -23,9 +23,20 @@ from itertools import combinations
 
 import numpy as np
 
-from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
 from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, count_turns, midpoint
-from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, GroupedScene, JetPose, LineRow, RigidGroup
+from crosscheck.engines.closed_form.linkage import (
+    AngleRow,
+    Circle,
+    DistanceRow,
+    GroupedScene,
+    JetPose,
+    Line,
+    LineRow,
+    Locus,
+    Meeting,
+    RigidGroup,
+    meet,
+)
 from refkin.joints import GROUND
 from refkin.model import Scene
 

@@ -40,8 +40,7 @@ from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
 from crosscheck.engines.spatial.motion import space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
-from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
-from crosscheck.engines.tree.tree_system import Places
+from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, marched_motion, tree_motion
 from refkin.joints import GROUND, Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route

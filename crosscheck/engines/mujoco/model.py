@@ -29,15 +29,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal
-from crosscheck.engines.frames import Length, through_its_point
-from crosscheck.engines.mujoco.parts import LINEAR, Driven, Guide, Source
+from crosscheck.engines.frames import Form, Length, Linear, through_its_point
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin import joints
+from refkin.joints import Element, PointDistance
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # before the import: nothing is drawn, and there may be no display
 import mujoco as mujoco  # re-exported, so that whoever imports it gets it this way
@@ -262,3 +263,65 @@ def _of_order_one(axis: joints.Pair) -> joints.Pair:
     """Return the axis times a power of two: MuJoCo scales it to length 1, but takes none below 1e-14."""
     exponent = max(math.frexp(a)[1] for a in axis if a != 0.0)
     return math.ldexp(axis[0], -exponent), math.ldexp(axis[1], -exponent)
+
+
+LINEAR = Linear()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where MuJoCo holds row `row` of an element: in a row of the equalities, or with a guide, or as a constant.
+
+    Attributes
+    ----------
+    equality, guide : int or None
+        Row among those of all equalities; index of the guide. If both are None the row is `constant`.
+    unit : int
+        The power of the length in the row's unit: 0 for an angle, 1 for a length.
+    form : Form
+        What the row is of ours, both in metres and radians (`crosscheck.engines.frames`).
+    """
+
+    element: Element
+    row: int = 0
+    equality: int | None = None
+    guide: int | None = None
+    constant: float = 0.0
+    unit: int = 1
+    form: Form = LINEAR
+
+
+@dataclass(frozen=True)
+class Guide:
+    """A line along the x axis of site `line` on a body, the site `point`, and the first row of a `connect` of both."""
+
+    body: str
+    line: str
+    point: str
+    connect: int
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Where the value of an element's law goes: `eq_data` of an equality, or coordinate `axis` of a ground site.
+
+    `source` is the index of the element's row; (law - shift) / size is the law in the model's unit.
+    """
+
+    element: Element
+    source: int
+    equality: int
+    site: str = ""
+    axis: int = 0
+    shift: float = 0.0
+    size: float = 1.0
+
+    def value(self, t: float, order: int) -> float:
+        """Return the law's value or derivative in the model's unit."""
+        law = float(self.element.laws[0](t, order))
+        return (law - (0.0 if order else self.shift)) / self.size
+
+    @property
+    def squared(self) -> bool:
+        """Whether the row is one of (d . d - f^2) / 2, which MuJoCo has as |d| - f."""
+        return isinstance(self.element, PointDistance)

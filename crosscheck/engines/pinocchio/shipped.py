@@ -189,12 +189,10 @@ class _Held:
         """Return the constraint that holds the joint's frame where the law has it at a time."""
         value = self._coordinate(float(self.element.laws[0](t)))
         place = model.jointPlacements[self.joint]
-        moved = turn(unit_vector(value)) if self.edge.freedom is Freedom.TURN else self._shifted(value)
+        x, y = self.edge.axis
+        moved = turn(unit_vector(value)) if self.edge.freedom is Freedom.TURN else shift((value * x, value * y))
         ends = (self.joint, pin.SE3.Identity(), 0, place * moved)
         return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, *ends)
-
-    def _shifted(self, value: float) -> Any:
-        return shift((value * self.edge.axis[0], value * self.edge.axis[1]))
 
     def _coordinate(self, law: float) -> float:
         """Return the joint's coordinate at a value of the law."""

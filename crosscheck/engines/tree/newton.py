@@ -20,8 +20,7 @@ from crosscheck.engines.poses import Equations, close, solve
 from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.engines.tree.joint_tree import Array, JointTree
-from crosscheck.engines.tree.tree_motion import body_levels
-from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
+from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem, body_levels
 from crosscheck.scenes.workloads import Workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.joints import Element, PointsCoincide, RelativeAngle
