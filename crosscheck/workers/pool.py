@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from typing import Any, Self
 
-from crosscheck.engines import EngineError, load
 from crosscheck.errors import UsageError
 from crosscheck.workers.processes import Child, Failure, Message, call_each, hang
 
@@ -278,6 +277,8 @@ def find_engines(specs: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict
 
 def _tried(spec: str) -> tuple[str, str] | str:
     """Return name and version, or why there is no such engine: no fault of ours, so no place in our code is named."""
+    from crosscheck.engines import EngineError  # here: a report reads how long a scene may take without any engine
+
     try:
         return name_and_version(spec)
     except EngineError as error:
@@ -286,5 +287,7 @@ def _tried(spec: str) -> tuple[str, str] | str:
 
 def name_and_version(spec: str) -> tuple[str, str]:
     """Return what an engine calls itself, and its version."""
+    from crosscheck.engines import load
+
     engine = load(spec)
     return engine.name, engine.version()
