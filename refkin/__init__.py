@@ -71,9 +71,9 @@ from refkin.system import System, compile_system
 if TYPE_CHECKING:
     from refkin.scenes.files import load
     from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
-    from refkin.solving.diagnose import diagnose
     from refkin.solving.follow import follow
     from refkin.solving.solve import solve
+    from refkin.solving.starts import diagnose
 
 # fmt: off
 __all__ = [
@@ -88,7 +88,7 @@ __all__ = [
 ]
 # fmt: on
 
-ABOVE = {"diagnose": "solving.diagnose", "follow": "solving.follow", "load": "scenes.files", "solve": "solving.solve"}
+ABOVE = {"diagnose": "solving.starts", "follow": "solving.follow", "load": "scenes.files", "solve": "solving.solve"}
 ABOVE |= dict.fromkeys(("FourBar", "InvertedSliderCrank", "SliderCrank"), "scenes.linkages")
 
 

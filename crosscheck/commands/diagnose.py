@@ -18,10 +18,9 @@ from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.singularity.diagnosis import Diagnosis, PoseKind
 from refkin.scenes.files import load
-from refkin.solving.diagnose import diagnose
 from refkin.solving.mobility import Count, Mobility, Rank, count, mobility_of
 from refkin.solving.solve import solve
-from refkin.solving.starts import find_start
+from refkin.solving.starts import diagnose, find_start
 from refkin.system import compile_system
 
 

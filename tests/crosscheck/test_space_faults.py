@@ -15,7 +15,7 @@ from crosscheck.engines import load
 from crosscheck.engines.exudyn import space as exudyn_space
 from crosscheck.engines.mujoco import space as mujoco_space
 from crosscheck.engines.pinocchio import space as pinocchio_space
-from crosscheck.engines.spatial import absolute, motion, reading, system, tree, turning
+from crosscheck.engines.spatial import motion, reading, system, tree, turning
 from crosscheck.judge.delivery import put_together_wrongly
 from crosscheck.measure.check import check
 from refkin.solving import starts
@@ -55,8 +55,8 @@ def without_the_square(patch: Patch) -> None:
 
 def half_of_a_half(patch: Patch) -> None:
     """The weld's rows taken for the half-angle rows themselves."""
-    real = absolute._maps
-    patch.setattr(absolute, "_maps", lambda meeting, welded, factor: real(meeting, welded, 2.0 * factor))
+    real = motion._maps
+    patch.setattr(motion, "_maps", lambda meeting, welded, factor: real(meeting, welded, 2.0 * factor))
 
 
 def axes_swapped(patch: Patch) -> None:
@@ -125,7 +125,7 @@ def omega_of_the_body(patch: Patch) -> None:
 
 def columns_of_the_body(patch: Patch) -> None:
     """Pinocchio's columns of a free body are taken for those of the ground frame."""
-    patch.setattr(absolute.SpaceRows, "_to_body", lambda self, q: np.eye(6 * len(self.numbers.bodies)))
+    patch.setattr(motion.SpaceRows, "_to_body", lambda self, q: np.eye(6 * len(self.numbers.bodies)))
 
 
 def bodies_swapped(patch: Patch) -> None:
@@ -152,12 +152,12 @@ def both_rates_forgotten(patch: Patch) -> None:
 
 def third_rotation_elsewhere(patch: Patch) -> None:
     """The third rotation of a slide's weld is said to be one of the rows of its displacements."""
-    real = absolute._maps
+    real = motion._maps
 
     def maps(meeting: Any, welded: Any, factor: float) -> Any:
         return [replace(m, row=2) if m.row == 4 and m.constraint == "P" else m for m in real(meeting, welded, factor)]
 
-    patch.setattr(absolute, "_maps", maps)
+    patch.setattr(motion, "_maps", maps)
 
 
 ROWS, SOLVED = set(LEVELS[:4]), set(LEVELS[4:])

@@ -23,11 +23,10 @@ from refkin.proof.assembly.search import Search
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.proof.singularity.second_order import advances, elsewhere
-from refkin.solving.diagnose import diagnose
 from refkin.solving.follow import Bifurcation, driven_by, follow, straight_on
 from refkin.solving.mobility import count, mobility_of, too_many_drivers
 from refkin.solving.solve import solve
-from refkin.solving.starts import find_start
+from refkin.solving.starts import diagnose, find_start
 from refkin.solving.sweep import Sweep
 from refkin.system import EVERYTHING, System, compile_system
 from tests.kept import Bound

@@ -36,8 +36,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
-from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
-from crosscheck.engines.spatial.motion import space_motion
+from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, marched_motion, tree_motion

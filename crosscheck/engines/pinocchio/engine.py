@@ -35,8 +35,7 @@ from crosscheck.engines.pinocchio.model import Points, absolute_model, tree_mode
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
-from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
-from crosscheck.engines.spatial.motion import space_motion
+from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Places, link_terms, marched_motion, tree_motion
