@@ -20,6 +20,7 @@ from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
+from refkin.fast.redundant import by_all_rows
 from refkin.joints import Unit
 from refkin.joints.elements import Triple
 from refkin.joints.spatial_frames import unit_vector
@@ -67,7 +68,10 @@ def motion(
     pivot : (T,) array
         The smallest pivot of each sample.
     """
-    off = residual(system, levels[0], t)
+    corrected = by_all_rows(system, levels, t) if system.m > system.n else levels
+    if corrected is None:
+        return None
+    levels, off = corrected, residual(system, corrected[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None

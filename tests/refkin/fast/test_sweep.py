@@ -28,8 +28,9 @@ from refkin import (
     Status,
     Table,
 )
-from refkin.fast import sweep
+from refkin.fast import attempt, sweep
 from refkin.fast.elimination import run
+from refkin.fast.redundant import by_all_rows
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare, system_of
@@ -243,6 +244,43 @@ def test_redundant_rows_are_left_out_and_held_to_account():
     assert sweep(doubled).producer.name == FAST
     assert np.max(np.abs(sweep(doubled).q - sweep(scene).q)) < 1e-14
     assert sweep(broken).verdict is not Status.OK
+
+
+def redundant_loop():
+    """A Bennett linkage, and its answer by the reference in scaled coordinates."""
+    scene = bare(refkin.load("tests/corpus/space-bennett-by-the-program.toml"))
+    system, motion = system_of(scene), refkin.solve(scene)
+    return system, [system.to_unit(level, order) for order, level in enumerate(motion.levels)], motion.t
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_what_is_lost_is_brought_back_by_all_rows_and_samples_that_have_lost_nothing_stay(level):
+    """To what rounding leaves in all rows by the least singular value, 0.2; a thousand times that is planted."""
+    system, exact, t = redundant_loop()
+    given = [x.copy() for x in exact]
+    given[level][:, 5] += 1e-10 * np.cos(np.arange(system.n)) * np.max(np.abs(exact[level][:, 5]))
+    better = by_all_rows(system, [x.copy() for x in given], t)
+    for now, then, right in zip(better, given, exact, strict=True):
+        off = np.max(np.abs(now - right), axis=0) / np.max(np.abs(right), axis=0)
+        assert off[5] < 1e-13
+        assert np.array_equal(np.delete(now, 5, axis=1), np.delete(then, 5, axis=1))
+
+
+def test_no_rows_close_numbers_that_are_not_finite():
+    system, exact, t = redundant_loop()
+    for level in range(3):
+        levels = [x.copy() for x in exact]
+        levels[level][3, 7] = np.nan
+        assert by_all_rows(system, levels, t) is None
+
+
+@pytest.mark.parametrize("name", ["unassemblable-but-assembled", "unassemblable-acceleration-only"])
+def test_rows_that_contradict_each_other_in_a_rate_are_no_answer_of_the_program_without_a_proof_either(name):
+    scene = bare(refkin.load(f"tests/corpus/{name}.toml"))
+
+    assert attempt(scene) is None
+    assert sweep(scene).verdict is Status.LOCKED
+    assert attempt(replace(scene, effects=frozenset())) is not None
 
 
 def test_effects_bodies_and_points_are_reported_as_by_the_reference():
