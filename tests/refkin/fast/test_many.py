@@ -200,6 +200,16 @@ def test_a_reducer_sees_what_is_stored_otherwise():
         assert np.array_equal(residual, stored.residual[samples, k])
 
 
+def test_codes_that_a_reducer_keeps_are_those_of_their_time():
+    """Of a mechanism that turns fully and of one that is lost on the way."""
+    lengths = np.array([[4.0, 1.0, 3.5, 3.0], [4.0, 2.0, 2.5, 2.0]]).T
+    stored = solved(lengths, samples=9)
+    many = solved(lengths, samples=9, reducer=lambda part: part.codes)
+
+    assert stored.codes[1, 0] != stored.codes[1, -1]
+    assert np.array_equal(np.transpose(many.reduced), stored.codes)
+
+
 def test_blocks_are_as_one(monkeypatch):
     lengths = grashof(700, margin=0.02)
     whole = solved(lengths, samples=8)
