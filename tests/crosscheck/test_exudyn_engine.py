@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
+from crosscheck.engines.exudyn.methods import Static
 from crosscheck.engines.exudyn.solve import solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
@@ -217,3 +219,19 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     record = check(scene, ["exudyn"])
 
     assert [item for item in record.disagreements if item.method == SHIPPED.name] == []
+
+
+def test_poses_that_are_extrapolated_begin_anew_after_one_that_was_not_reached():
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=1.0, turns=0.1, samples=4)
+    model, starts = Static(scene, scene.mechanism.unit(), extrapolates=True), []
+
+    def step(t, start):
+        starts.append(start)
+        if t == scene.times[1]:
+            raise EngineError("not reached")
+        return start + 1.0
+
+    model.solve(step, 0)
+
+    assert np.array_equal(starts[2], model.start)
+    assert np.array_equal(starts[3], model.start + 1.0)

@@ -143,7 +143,8 @@ def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Mo
 class Static:
     """A scene in exudyn's static solver, in a unit of length.
 
-    Each pose is started at the last one that was reached, or, if it `extrapolates`, where that one's rates lead.
+    Each pose is started at the last one that was reached; if it `extrapolates`, where the rates of the one before lead,
+    or, if that was not reached, at the estimates.
     """
 
     def __init__(self, scene: Scene, unit: Unit, *, extrapolates: bool = False) -> None:
@@ -163,7 +164,7 @@ class Static:
             try:
                 q = step(t, self._ahead(levels, k, reached) if self.extrapolates and reached else q)
             except EngineError:
-                reached = 0
+                q, reached = self.start if self.extrapolates else q, 0
                 continue
             reached += 1
             levels[0][:, k] = q
