@@ -250,7 +250,10 @@ class Direct:
     def _closure(self, q: Any) -> tuple[Any, Any]:
         """Return the gaps of the loops (2 L,) and their Jacobian (2 L, n)."""
         self.planar.place(q)
-        rows, gaps = zip(*([read()[:2] for read, _ in row.still] for row in self.ends), strict=True)
+        rows, gaps = [], []
+        for (slopes, _), (at_j, _), (at_i, _) in (row.still for row in self.ends):
+            rows.append(slopes()[:2])  # calculates, and fills the places
+            gaps.append(at_j[:2] - at_i[:2])
         return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
 
     def _drift(self) -> Any:
