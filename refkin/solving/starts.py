@@ -66,9 +66,7 @@ def find_start(system: System, scene: Scene) -> Start:
         estimate = np.where(useless, 0.0, estimate)
         first = position(system, estimate, t)
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
-        # Near a singular pose roots are sigma_min apart or so, and corrections are not known to EPS / sigma_min: below
-        # `SINGULAR` that is more than sigma_min / `APART`, however small they were, and rounding decided on the root.
-        if not missing and contracted and closes(system, first.q, t) and sigma_min(system.phi_q(first.q, t)) > SINGULAR:
+        if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first.q, t):
             return Start(Status.OK, first.q)
         search = assemblies(system, t)
         own = None if missing or search.complete or not (first.converged and _is_root(system, first.q, t)) else first.q
@@ -133,6 +131,19 @@ def _new_estimate(system: System, estimate: Any, k: int, t: float) -> Any:
         return next(starts(system, t, 1, k))
     turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
     return estimate + math.tau * turned
+
+
+def _leads_to_one(system: System, q: Any, t: float) -> bool:
+    """Whether it was not rounding that decided on the root.
+
+    Near a singular pose roots are sigma_min apart or so, and corrections are not known to EPS / sigma_min: below
+    `SINGULAR` that is more than sigma_min / `APART`, however small the corrections were.
+    """
+    jacobian = system.phi_q(q, t)
+    regular = system.m == system.n and np.linalg.slogdet(jacobian)[0] != 0.0
+    if regular and np.linalg.norm(np.linalg.inv(jacobian)) < 1.0 / SINGULAR:  # this norm is at least 1 / sigma_min
+        return True
+    return bool(sigma_min(jacobian) > SINGULAR)
 
 
 def _is_root(system: System, q: Any, t: float) -> bool:

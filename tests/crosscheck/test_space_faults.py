@@ -67,7 +67,7 @@ def axes_swapped(patch: Patch) -> None:
 
 def rate_forgotten(patch: Patch) -> None:
     """The rate of a driven angle is left out."""
-    patch.setattr(exudyn_space.ExudynSpace, "law_rates", lambda self, q, t: np.zeros(len(self.lines)))
+    patch.setattr(exudyn_space.ExudynSpace, "law_rates", lambda self, t: np.zeros(len(self.lines)))
 
 
 def curvature_forgotten(patch: Patch) -> None:
