@@ -553,7 +553,7 @@ def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeyp
 
     monkeypatch.setattr(measuring, "price", priced_alone)
     monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=lambda: 7.0))
-    there = measuring.classes()
+    there = measuring.priced_classes()
     rows = measuring.price_list(60.0, ("made up",))
 
     assert [(row["scene_class"], row["method"]) for row in rows] == [(name, one.name) for name, one in there.items()]
