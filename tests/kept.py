@@ -1,7 +1,7 @@
 """Answers that are kept in a file: as JSON has them, where they are not what they were, and how the file is made.
 
 What is kept hangs on no rounding: it is asked for again as other processors compute (`PROCESSORS`, kernels of
-OpenBLAS that every one of x86 can run), and what is another there is kept as `BY_ROUNDING`, which anything fits.
+OpenBLAS, of which the last needs AVX-512), and what is another there is kept as `BY_ROUNDING`, which anything fits.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CLOSE = 1e-6
 WIDER, LIKE = 4.0, 1.5
 """How many times as large a bound may be elsewhere, and how many times here, for it to be kept."""
 BY_ROUNDING = "?"
-PROCESSORS = ("", "Prescott", "Nehalem", "Sandybridge")
+PROCESSORS = ("", "Prescott", "Nehalem", "Sandybridge", "Haswell", "SkylakeX")
 
 
 class Bound(float):

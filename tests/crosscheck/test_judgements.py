@@ -7,7 +7,9 @@ file anew, `python -m tests.crosscheck.test_judgements`, and says what changed.
 
 from __future__ import annotations
 
+import json
 import random
+import sys
 from contextlib import suppress
 from dataclasses import asdict, replace
 from itertools import cycle
@@ -34,7 +36,7 @@ from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.scenes.files import load
-from tests.kept import differences, plain, read, same, write
+from tests.kept import differences, on_every_processor, plain, read, same, write
 from tests.refkin.test_answers import files
 
 FILE = Path(__file__).with_name("judgements.json")
@@ -266,6 +268,8 @@ def shaken(scene: Scene) -> Scene:
 
 
 if __name__ == "__main__":
-    scenes = {name: load(files()[name]) for name in SCENES}
-    said = {name: same(judged(scene), judged(shaken(scene))) for name, scene in scenes.items()}
-    write(FILE, said)
+    if "--print" in sys.argv:
+        scenes = {name: load(files()[name]) for name in SCENES}
+        print(json.dumps({name: same(judged(scene), judged(shaken(scene))) for name, scene in scenes.items()}))
+    else:
+        write(FILE, on_every_processor("tests.crosscheck.test_judgements"))
