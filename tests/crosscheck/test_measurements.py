@@ -8,6 +8,7 @@ file anew, `python -m tests.crosscheck.test_measurements`, and says what changed
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
@@ -41,6 +42,7 @@ from tests.crosscheck.made_up_tables import (
     ranking,
 )
 from tests.crosscheck.test_judgements import MAKER, MOVED, differences, moved, plain, same, shaken, some
+from tests.kept import on_every_processor, write
 from tests.refkin.test_answers import files
 
 FILE = Path(__file__).with_name("measurements.json")
@@ -147,9 +149,8 @@ def test_what_is_measured_is_what_it_was(name: str) -> None:
 
 
 if __name__ == "__main__":
-    said = {
-        name: same(*(plain(measure(shake)) for shake in (lambda scene: scene, shaken)))
-        for name, measure in MEASURED.items()
-    }
-    lines = (f"{json.dumps(name)}: {json.dumps(of_one)}" for name, of_one in said.items())
-    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    if "--print" in sys.argv:
+        shakes = (lambda scene: scene, shaken)
+        print(json.dumps({name: same(*(plain(one(shake)) for shake in shakes)) for name, one in MEASURED.items()}))
+    else:
+        write(FILE, on_every_processor("tests.crosscheck.test_measurements"))
