@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import time
+from inspect import signature
 
 import pytest
 
@@ -44,6 +45,16 @@ def test_every_mutant_fits_the_code():
 
 def test_the_tests_that_kill_exist():
     assert [name for m in MUTANTS for name in m.tests if not next(cases(name), None)] == []
+
+
+def test_a_test_that_kills_is_called_with_all_that_it_asks_for():
+    """One with another fixture would be red with and without a mutant."""
+    runs = {name: next(cases(name)).args for m in MUTANTS for name in m.tests}
+    lacking = {
+        name: signature(test).parameters.keys() - given - {"monkeypatch"} for name, (test, given) in runs.items()
+    }
+
+    assert {name: what for name, what in lacking.items() if what} == {}
 
 
 def test_there_are_enough_of_them_and_no_two_have_one_label():
