@@ -573,5 +573,5 @@ def test_a_residual_that_redundant_rows_leave_explains_the_rates_of_rows_that_we
     assert check(refkin.load(CORPUS / scene), [engine]).disagreements == []
 
 
-def test_rates_along_a_tree_lose_what_its_sines_have_lost():
+def test_rows_that_become_dependent_on_the_way_lose_no_rates():
     assert check(refkin.load(CORPUS / "space-bennett-by-the-program.toml"), ["refkin-lanes"]).disagreements == []

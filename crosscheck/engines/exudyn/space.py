@@ -86,12 +86,18 @@ STILL_TERMS = tuple(
         name="parameters from still",
         level=level.value,
         reason="a node's parameters are added to those of its reference: of e0 = (e0 - 1) + 1 one rounding is lost, "
-        "|dA/de0| = 2, two bodies",
-        absolute=4.0 * 2.0**-53,
+        "|dA/de0| = 2, two bodies; of rates by what is turned, and by omega = 2 G p'",
+        absolute=absolute * 2.0**-53,
+        relative=relative * 2.0**-53,
     )
-    for level in (Level.RESIDUAL, Level.JACOBIAN)
+    for level, absolute, relative in (
+        (Level.RESIDUAL, 4.0, 0.0),
+        (Level.JACOBIAN, 4.0, 0.0),
+        (Level.CONSTRAINT_VELOCITY, 0.0, 6.0),
+        (Level.DRIFT, 0.0, 8.0),
+    )
 )
-"""What rows of turns lose by that."""
+"""What rows of turns lose by that: of rates 2 + 1 roundings for each body, of drift terms 2 + 2."""
 OUT = exu.OutputVariableType
 OF_BODY, OF_POINT = (OUT.RotationMatrix, OUT.AngularVelocity), (OUT.Position, OUT.Velocity, OUT.Acceleration)
 Readings = dict[tuple[str, Any, tuple[float, ...]], Array]

@@ -85,23 +85,14 @@ class Lanes(Adapter):
         angle = max(1.0, float(np.max(np.abs(_angles(scene, motion)), initial=0.0)))
         points = [point for c in scene.mechanism.constraints for body, point in c.points() if body != GROUND]
         arms = sum(math.hypot(*point) for point in points) / scene.mechanism.size()
-        sines = 2.0 * arms * math.sqrt(2.0) * SINES * U
+        sines = arms * math.sqrt(2.0) * SINES
         return (
             Term(
                 name="tree",
                 level="position",
                 reason="poses are sums of arms along a tree, each arm turned by an angle that is rounded and by a sine "
                 "from the tangent of half that angle; Newton stops at what this leaves, and the answer adds it again",
-                absolute=sines + 2.0 * arms * angle * U,
-            ),
-            *(
-                Term(
-                    name="tree",
-                    level=level,
-                    reason="rates are sums of arms along that tree, too, each turned by such a sine",
-                    of_rates=sines,
-                )
-                for level in ("velocity", "acceleration")
+                absolute=2.0 * (sines + arms * angle) * U,
             ),
         )
 
