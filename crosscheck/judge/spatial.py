@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import ANGLE, AXIAL, SCREW, Hold, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, Hold, Kind, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism
@@ -136,7 +136,7 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
             axes = [_turned(turns[body], hold.end(body)[1][:, 2]) for body in hold.bodies]
             wrong[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
     for drive in numbers.drives:
-        if drive.kind == ANGLE and turns.keys() >= set(drive.hold.bodies):
+        if drive.kind == Kind.ANGLE and turns.keys() >= set(drive.hold.bodies):
             (i, j), f = drive.hold.bodies, np.array([float(drive.law(t, 0)) for t in motion.t])[:, None]
             frame = drive.hold.frame_i
             wanted = np.cos(f) * _turned(turns[i], frame[:, 0]) + np.sin(f) * _turned(turns[i], frame[:, 1])
@@ -156,7 +156,7 @@ def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[lis
     at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}
     rest = np.zeros_like(levels[0][:7].T)
     at[GROUND] = [rest + np.eye(7)[3], rest, rest]
-    screws = [hold for hold in numbers.holds if hold.kind == SCREW]
+    screws = [hold for hold in numbers.holds if hold.kind == Kind.SCREW]
     return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in screws]
 
 

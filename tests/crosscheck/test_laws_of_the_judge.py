@@ -18,7 +18,7 @@ from crosscheck.engines import EngineError, Level, load
 from crosscheck.engines.exudyn.solve import solved as solved_or_not
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, Sine
-from crosscheck.engines.spatial.reading import SCREW, Hold
+from crosscheck.engines.spatial.reading import Hold, Kind
 from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, matrix, parameters, product, rates
 from crosscheck.judge.budget import (
     BOTH_SIDES,
@@ -404,7 +404,7 @@ def test_half_the_angle_of_a_screw_counts_its_turns():
     frame_i, frame_j = joint_frame((0.3, 2.0, -0.5), (1.0, 0.2, 0.3)), joint_frame((-1.1, 0.2, 0.4), (0.1, 0.3, 2.0))
     u_i, u_j, pitch, shift = np.array([0.3, -0.2, 0.7]), np.array([-0.4, 0.6, 0.9]), 0.25, 0.4
     ends = {"body_i": "i", "body_j": "j", "u_i": u_i, "u_j": u_j, "frame_i": frame_i, "frame_j": frame_j}
-    hold = Hold(name="h", kind=SCREW, **ends, pitch=pitch, shift=shift)
+    hold = Hold(name="h", kind=Kind.SCREW, **ends, pitch=pitch, shift=shift)
     angle = np.array([np.linspace(-20.0, 20.0, 6), *NUMBERS.normal(size=(2, 6))])
     i = turning(6)
     between_them = product_of(product_of(still(parameters(frame_i)), about((0.0, 0.0, 1.0), angle)),

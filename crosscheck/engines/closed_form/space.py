@@ -18,7 +18,7 @@ else holds it, it is passive, and its spin is left as it comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -129,14 +129,14 @@ class Assembly:
     def ties(self) -> list[Tie]:
         """The joints, with the laws of their drivers, and the distances that drivers hold."""
         conditions = list(given(self.scene.mechanism))
-        laws = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
+        laws: dict[tuple[str, str], Jet] = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
         return [self._tie(g, laws) for g in conditions if not g.joint]
 
     def _law(self, g: Given) -> Jet:
         jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)
         return jet if g.kind == "angle" else jet.times(self.arithmetic.number(1.0 / self.size))
 
-    def _tie(self, g: Given, laws: dict[tuple[str, str], Jet]) -> Tie:
+    def _tie(self, g: Given, laws: Mapping[tuple[str, str], Jet]) -> Tie:
         scale = self.arithmetic.number(1.0 / self.size)  # a power of two
         points, frames = [], list[Any]()
         for body, point, axis, zero in zip(g.bodies, g.points, g.axes, g.zeros, strict=True):

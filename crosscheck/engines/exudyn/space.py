@@ -37,47 +37,14 @@ from exudyn import itemInterface as item
 from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.frames import Length, Linear, RowMap
-from crosscheck.engines.spatial.reading import (
-    ANGLE,
-    CYLINDRICAL,
-    DISPLACEMENT,
-    DISTANCE,
-    FIXED,
-    MEETING,
-    ON_LINE,
-    ON_PLANE,
-    PARALLEL,
-    PERPENDICULAR,
-    PRISMATIC,
-    REVOLUTE,
-    SCREW,
-    UNIVERSAL,
-    Drive,
-    Hold,
-    Numbers,
-    numbers_of,
-)
+from crosscheck.engines.spatial.reading import CROSSED, MEETING, ROWS, Drive, F, G, H, Hold, Kind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import common_columns
 from refkin.joints import GROUND, SI, Constraint
 from refkin.model import Mechanism
 
 Array = Any
-F, G, H = 0, 1, 2
 HELD = {(F, H): 4, (G, H): 3, (F, G): 5, (H, H): 5}
 """Which axis of a generic joint holds f, g or h of i across one of j."""
-SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
-ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
-UNTURNED, CROSSED = ("dot", F, G), ("dot", H, H)
-ROWS: dict[str, tuple[Any, ...]] = {
-    CYLINDRICAL: SAME + ON_AXIS,
-    PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
-    FIXED: (*SAME, UNTURNED),
-    PARALLEL: SAME,
-    ON_LINE: ON_AXIS,
-    ON_PLANE: (("along", H),),
-    **dict.fromkeys((UNIVERSAL, PERPENDICULAR), (CROSSED,)),
-}
-"""What single axes hold of a joint, in the order of its rows."""
 FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -166,14 +133,14 @@ class ExudynSpace(ExudynSystem):
         return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
     def _joint(self, hold: Hold) -> None:
-        if hold.kind == SCREW:
+        if hold.kind == Kind.SCREW:
             raise EngineRefusal(f"exudyn refuses screw {hold.name!r}: it has no screw joint")
         first = len(self.lines) - hold.row
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
             self.lines.append(Line(hold, what, len(self.lines) - first, hold.name, number, own, factor))
 
-        if hold.kind == REVOLUTE:
+        if hold.kind == Kind.REVOLUTE:
             frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
             revolute = self.mbs.AddObject(item.ObjectJointRevoluteZ(markerNumbers=self._markers(hold)[::-1], **frames))
             for k in range(3):
@@ -185,7 +152,7 @@ class ExudynSpace(ExudynSystem):
             meeting = self.mbs.AddObject(item.ObjectJointSpherical(markerNumbers=self._markers(hold)))
             for k in range(3):
                 add(meeting, k, ("d", k))
-        if hold.kind == DISTANCE:
+        if hold.kind == Kind.DISTANCE:
             rod = item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=hold.length)
             add(self.mbs.AddObject(rod), 0, ("length",))
         for what in ROWS.get(hold.kind, ()):
@@ -197,13 +164,13 @@ class ExudynSpace(ExudynSystem):
     def _driver(self, drive: Drive) -> None:
         hold = drive.hold
         markers = self._markers(hold)
-        if drive.kind == DISTANCE:
+        if drive.kind == Kind.DISTANCE:
             rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
             line = Line(hold, ("length",), 0, drive.name, rod, 0, 1.0, drive)
-        elif drive.kind == ANGLE:
+        elif drive.kind == Kind.ANGLE:
             joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
             line = Line(hold, ("turned",), 0, drive.name, joint, 5, 1.0, drive)
-        elif drive.kind == DISPLACEMENT:
+        elif drive.kind == Kind.DISPLACEMENT:
             joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
             line = Line(hold, ("along", H), 0, drive.name, joint, 2, 1.0, drive, markers[0])
         else:
@@ -390,7 +357,7 @@ class ExudynSpaceRows(ExudynSpace):
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
         holds = [hold for hold in numbers.holds if hold.name in known]
         # the driver of a screw counts turns by a coordinate of its own, which exudyn has not
-        drives = [d for d in numbers.drives if d.name in known and d.hold.kind != SCREW]
+        drives = [d for d in numbers.drives if d.name in known and d.hold.kind != Kind.SCREW]
         super().__init__(numbers, holds, drives)
         self.rows: Sequence[RowMap] = tuple(
             RowMap(

@@ -19,7 +19,7 @@ from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refu
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
-from crosscheck.engines.spatial.reading import ANGLE, AXIAL, DISTANCE, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, Kind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND
@@ -65,7 +65,7 @@ class SpaceModel:
         drives, t = self.numbers.drives, np.array(scene.times)
         values = np.array([law_value(drive, t, 0) for drive in drives])
         residual = self.model.residual(self.start, scene.times[0])
-        lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == DISTANCE]
+        lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == Kind.DISTANCE]
         return replace(stopping_rule(residual, values, lengths, 2.0, "sizes or half rad"), form=FORM)
 
 
@@ -191,10 +191,10 @@ class SpaceEquations(OwnSolver):
             x, y = at[hold.body_i] @ hold.frame_i, at[hold.body_j] @ hold.frame_j
             if hold.kind in AXIAL and x[:, 2] @ y[:, 2] < 0.0:
                 raise EngineError(f"it reported success with the axes of {hold.name!r} antiparallel")
-            if hold.kind in ("prismatic", "fixed") and x[:, 0] @ y[:, 0] < 0.0:
+            if hold.kind in (Kind.PRISMATIC, Kind.FIXED) and x[:, 0] @ y[:, 0] < 0.0:
                 raise EngineError(f"it reported success with {hold.name!r} turned by pi")
         for drive in self.numbers.drives:
-            if drive.kind == ANGLE:
+            if drive.kind == Kind.ANGLE:
                 x, y = at[drive.hold.body_i] @ drive.hold.frame_i, at[drive.hold.body_j] @ drive.hold.frame_j
                 f = law_value(drive, t, 0)
                 if (np.cos(f) * x[:, 0] + np.sin(f) * x[:, 1]) @ y[:, 0] < 0.0:

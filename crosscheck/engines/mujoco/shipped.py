@@ -23,18 +23,7 @@ from crosscheck.engines.march import March, one_by_one
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
-from crosscheck.engines.spatial.reading import (
-    ANGLE,
-    CYLINDRICAL,
-    DISTANCE,
-    REVOLUTE,
-    SCREW,
-    SPHERICAL,
-    Drive,
-    Hold,
-    in_space,
-    numbers_of,
-)
+from crosscheck.engines.spatial.reading import Drive, Hold, Kind, in_space, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import WIDTH, space_tree
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
@@ -117,14 +106,14 @@ class SpaceSimulation(MujocoSpace):
 
     def __init__(self, system: SpaceSystem) -> None:
         for hold in system.tree.closures:
-            if hold.kind not in (SPHERICAL, REVOLUTE, DISTANCE):
+            if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE, Kind.DISTANCE):
                 _refuse(f"{hold.kind} {hold.name!r}, which closes a loop")
         super().__init__(system.tree, system.places, system.pairs)
         as_shipped(self.model)
         self.braked = np.eye(self.model.nv)
         lines = {body: line for spin in system.tree.numbers.passive for body, (_, line) in spin.items()}
         for edge in system.tree.edges:
-            if edge.kind == SPHERICAL and edge.body in lines:
+            if edge.kind == Kind.SPHERICAL and edge.body in lines:
                 line = self.frames[edge.body][1].T @ lines[edge.body]
                 spin = self.model.joint(f"q{self._first[edge.hold]}").dofadr[0] + np.arange(3)
                 self.braked[np.ix_(spin, spin)] -= np.outer(line, line)
@@ -136,31 +125,31 @@ class SpaceSimulation(MujocoSpace):
         pose, violation = at_rest(self.model, self.columns, self.coordinates(q), self.braked)
         if pose is None:
             return None, violation
-        slides = np.cumsum([0, *(WIDTH[edge.kind] + (edge.kind == SCREW) for edge in self.tree.edges)])[:-1]
-        return np.delete(pose, [k for k, e in zip(slides, self.tree.edges, strict=True) if e.kind == SCREW]), violation
+        known = [x for e in self.tree.edges for x in [False] * (e.kind == Kind.SCREW) + [True] * WIDTH[e.kind]]
+        return pose[np.array(known, bool)], violation
 
     def _add(self) -> None:
         joints = np.cumsum([0, *(len(JOINTS[edge.kind]) for edge in self.tree.edges)])
         self._first = {edge.hold: int(k) for edge, k in zip(self.tree.edges, joints[:-1], strict=True)}
         for edge in self.tree.edges:
-            if edge.kind == SCREW:
+            if edge.kind == Kind.SCREW:
                 slide = self._first[edge.hold]
                 self._tie([0.0, edge.pitch], mujoco.mjtObj.mjOBJ_JOINT, f"q{slide}", f"q{slide + 1}")
         for hold in self.tree.closures:
-            if hold.kind == DISTANCE:
+            if hold.kind == Kind.DISTANCE:
                 self._hold_length(hold, hold.length)
         self.driven = [(drive, *self._drive(drive)) for drive in self.tree.numbers.drives]
 
     def _drive(self, drive: Drive) -> tuple[int, float]:
         """Return the equality that a driver sets, and the law's value at which the equality's is zero."""
-        if drive.kind == DISTANCE:
+        if drive.kind == Kind.DISTANCE:
             return self._hold_length(drive.hold, 0.0), 0.0
         edge = self.tree.edge_of(drive.hold)
         if edge is None:
             _refuse(f"{drive.kind} {drive.name!r}, whose joint closes a loop")
-        turns = drive.kind == ANGLE and edge.kind in (CYLINDRICAL, SCREW)
+        turns = drive.kind == Kind.ANGLE and edge.kind in (Kind.CYLINDRICAL, Kind.SCREW)
         equality = self._tie([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{self._first[edge.hold] + turns}")
-        return equality, edge.shift if edge.kind == SCREW and not turns else 0.0
+        return equality, edge.shift if edge.kind == Kind.SCREW and not turns else 0.0
 
     def _hold_length(self, hold: Hold, length: float) -> int:
         """Hold two points at a distance by a tendon, and return its equality."""
@@ -193,7 +182,7 @@ def freedoms(mechanism: Mechanism) -> int:
     """Return how many freedoms a mechanism has as a joint tree in MuJoCo."""
     if not in_space(mechanism):
         return joint_tree(mechanism).width
-    return sum(edge.rates + (edge.kind == SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
+    return sum(edge.rates + (edge.kind == Kind.SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
 
 
 def at_rest(model: Any, columns: Array, q: Any, braked: Array) -> tuple[Array | None, float]:

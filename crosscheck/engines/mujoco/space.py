@@ -14,9 +14,9 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, kinematic_spec, mujoco
-from crosscheck.engines.spatial.reading import CYLINDRICAL, FIXED, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
+from crosscheck.engines.spatial.reading import Kind
 from crosscheck.engines.spatial.system import Place
-from crosscheck.engines.spatial.tree import FREE, QUARTER, Edge, SpaceTree
+from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
 from crosscheck.engines.spatial.turning import parameters
 from refkin.joints import GROUND
 
@@ -24,14 +24,14 @@ Array = Any
 HINGE, SLIDE, BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
 X, Y, Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
 JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
-    REVOLUTE: [(HINGE, Z)],
-    PRISMATIC: [(SLIDE, Z)],
-    CYLINDRICAL: [(SLIDE, Z), (HINGE, Z)],
-    SCREW: [(SLIDE, Z), (HINGE, Z)],
-    UNIVERSAL: [(HINGE, Y), (HINGE, Z)],  # the first axis is that of the parent, QUARTER^T z
-    SPHERICAL: [(BALL, Z)],
-    FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
-    FIXED: [],
+    Kind.REVOLUTE: [(HINGE, Z)],
+    Kind.PRISMATIC: [(SLIDE, Z)],
+    Kind.CYLINDRICAL: [(SLIDE, Z), (HINGE, Z)],
+    Kind.SCREW: [(SLIDE, Z), (HINGE, Z)],
+    Kind.UNIVERSAL: [(HINGE, Y), (HINGE, Z)],  # the first axis is that of the parent, QUARTER^T z
+    Kind.SPHERICAL: [(BALL, Z)],
+    Kind.FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
+    Kind.FIXED: [],
 }
 
 
@@ -72,12 +72,12 @@ class MujocoSpace:
 
     def _hang(self, k: int, edge: Edge) -> None:
         u, frame = self.frames[edge.parent]
-        turned = edge.frame_parent @ QUARTER if edge.kind == UNIVERSAL else edge.frame_parent
-        place = edge.u_parent + edge.frame_parent[:, 2] * edge.shift
+        turned = edge.frame_parent @ QUARTER if edge.kind == Kind.UNIVERSAL else edge.frame_parent
+        place, joints = edge.u_parent + edge.frame_parent[:, 2] * edge.shift, JOINTS[edge.kind]
         body = self.bodies[edge.parent].add_body(
-            name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(frame.T @ turned), **MASSES[edge.kind != FIXED]
+            name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(frame.T @ turned), **MASSES[bool(joints)]
         )
-        for kind, axis in JOINTS[edge.kind]:
+        for kind, axis in joints:
             self._names.append(f"q{len(self._names)}")
             body.add_joint(name=self._names[-1], type=kind, axis=axis)
         self.bodies[edge.body], self.frames[edge.body] = body, (edge.u_body, edge.frame_body)
@@ -112,7 +112,7 @@ class MujocoSpace:
         rows, first = [], 0
         for edge in self.tree.edges:
             own = np.eye(total)[first : first + edge.rates]
-            rows += [edge.pitch * own, own] if edge.kind == SCREW else [own]
+            rows += [edge.pitch * own, own] if edge.kind == Kind.SCREW else [own]
             first += edge.rates
         return np.concatenate(rows)
 
@@ -121,7 +121,7 @@ class MujocoSpace:
         values: list[float] = []
         for edge in self.tree.edges:
             part = list(q[edge.slot])
-            if edge.kind == SCREW:
+            if edge.kind == Kind.SCREW:
                 part = [edge.pitch * part[0], part[0]]
             if edge.turned.stop:
                 p = q[edge.turned]

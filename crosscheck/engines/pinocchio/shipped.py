@@ -18,7 +18,7 @@ import pinocchio as pin
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import March, one_by_one
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
-from crosscheck.engines.spatial.reading import ANGLE, PRISMATIC, REVOLUTE, SPHERICAL, Drive
+from crosscheck.engines.spatial.reading import Drive, Kind
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
@@ -107,7 +107,7 @@ class SpaceExample:
         self.model, tree = self.space.model, system.tree
         self.drives = [(drive, self._joint(tree.edge_of(drive.hold), drive)) for drive in tree.numbers.drives]
         for hold in tree.closures:
-            if hold.kind not in (SPHERICAL, REVOLUTE):
+            if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE):
                 _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")
         loops = [self._loop(*pair) for pair in system.pairs]
         self.example = Example(self.model, self.space.data, loops, self._held)
@@ -126,15 +126,15 @@ class SpaceExample:
 
     def _joint(self, edge: Any, drive: Drive) -> int:
         """Return the joint that a driver holds."""
-        if edge is None or edge.parent != GROUND or edge.kind not in (REVOLUTE, PRISMATIC):
+        if edge is None or edge.parent != GROUND or edge.kind not in (Kind.REVOLUTE, Kind.PRISMATIC):
             _refuse(f"{drive.kind} {drive.name!r}", "it holds no joint by which a body hangs on the ground")
         return int(self.space.bodies[edge.body][0])
 
     def _held(self, t: float) -> list[Any]:
-        return [self._at(joint, drive.kind == ANGLE, float(drive.law(t)) / drive.size) for drive, joint in self.drives]
+        return [self._at(joint, drive.kind, float(drive.law(t)) / drive.size) for drive, joint in self.drives]
 
-    def _at(self, joint: int, turns: bool, value: float) -> Any:
-        moved = turn(unit_vector(value)) if turns else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
+    def _at(self, joint: int, kind: Kind, value: float) -> Any:
+        moved = turn(unit_vector(value)) if kind == Kind.ANGLE else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
         ends = (joint, pin.SE3.Identity(), 0, self.model.jointPlacements[joint] * moved)
         return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, self.model, *ends)
 

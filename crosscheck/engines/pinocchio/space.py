@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
-from crosscheck.engines.spatial.reading import CYLINDRICAL, FIXED, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
+from crosscheck.engines.spatial.reading import Kind
 from crosscheck.engines.spatial.system import Place
-from crosscheck.engines.spatial.tree import FREE, QUARTER, Edge, SpaceTree
+from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
 from refkin.joints import GROUND
 
 Array = Any
@@ -47,7 +47,7 @@ class PinocchioSpace:
             joint = self.model.addJoint(joint, kind, place * before, f"{edge.body} {self.model.njoints}")
             place = pin.SE3.Identity()
         back = pin.SE3(edge.frame_body, edge.u_body).inverse()
-        return (joint, back) if edge.kind != FIXED else (joint, place * back)
+        return (joint, back) if edge.kind != Kind.FIXED else (joint, place * back)
 
     def _constraint(self, i: int, j: int) -> Any:
         ends = (*self.frames[j], *self.frames[i])
@@ -95,15 +95,15 @@ def _joints(edge: Edge) -> list[tuple[Any, Any]]:
     """Return Pinocchio's joints of an edge, each with what lies before it."""
     here, turned = pin.SE3.Identity(), pin.SE3(QUARTER, np.zeros(3))
     z = np.array([0.0, 0.0, 1.0])
-    if edge.kind == SCREW:
+    if edge.kind == Kind.SCREW:
         return [(pin.JointModelHelicalUnaligned(z, edge.pitch), pin.SE3(np.eye(3), z * edge.shift))]
     kinds: dict[str, list[tuple[Any, Any]]] = {
-        REVOLUTE: [(pin.JointModelRZ(), here)],
-        PRISMATIC: [(pin.JointModelPZ(), here)],
-        CYLINDRICAL: [(pin.JointModelPZ(), here), (pin.JointModelRZ(), here)],
-        UNIVERSAL: [(pin.JointModelRZ(), here), (pin.JointModelRZ(), turned)],
-        SPHERICAL: [(pin.JointModelSpherical(), here)],
-        FREE: [(pin.JointModelTranslation(), here), (pin.JointModelSpherical(), here)],
-        FIXED: [],
+        Kind.REVOLUTE: [(pin.JointModelRZ(), here)],
+        Kind.PRISMATIC: [(pin.JointModelPZ(), here)],
+        Kind.CYLINDRICAL: [(pin.JointModelPZ(), here), (pin.JointModelRZ(), here)],
+        Kind.UNIVERSAL: [(pin.JointModelRZ(), here), (pin.JointModelRZ(), turned)],
+        Kind.SPHERICAL: [(pin.JointModelSpherical(), here)],
+        Kind.FREE: [(pin.JointModelTranslation(), here), (pin.JointModelSpherical(), here)],
+        Kind.FIXED: [],
     }
     return kinds[edge.kind]

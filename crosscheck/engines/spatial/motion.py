@@ -17,7 +17,7 @@ import numpy as np
 from crosscheck.engines import Level, Term
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.march import Closing, March, march, one_by_one
-from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Kind, Numbers, numbers_of
 from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
@@ -153,8 +153,6 @@ def _form(p: Array, s: Array, u: Array) -> Array:
     return (p[0] * s[0] - dot) * v + along + turn
 
 
-WHOLE = ("prismatic", "fixed")
-"""Joints that do not turn: of their weld all three rotations are rows, else the first two."""
 SPATIAL_VECTORS = tuple(
     Term(
         name="spatial vectors",
@@ -252,10 +250,10 @@ def _maps(meeting: Sequence[Hold], welded: Sequence[Hold], factor: float) -> lis
     first = 3 * len(meeting)
     for n, hold in enumerate(welded):
         row = hold.row + (3 if hold.kind in MEETING else 0)
-        last = row + (2 if hold.kind == "fixed" else 4)
-        places = [row, row + 1, last] if hold.kind in WHOLE else [row, row + 1]
+        # of the weld of a joint that does not turn all three rotations are rows, else the first two
+        third = {Kind.FIXED: [row + 2], Kind.PRISMATIC: [row + 4]}.get(hold.kind, [])
         maps += [
             RowMap(constraint=hold.name, row=at, engine_row=first + 3 * n + k, factor=factor, either=True)
-            for k, at in enumerate(places)
+            for k, at in enumerate([row, row + 1, *third])
         ]
     return maps

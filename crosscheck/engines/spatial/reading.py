@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
@@ -20,34 +21,68 @@ from refkin.model import Mechanism
 from refkin.motion import Route
 from refkin.motion_laws import Law
 
-SPHERICAL, REVOLUTE, PRISMATIC, CYLINDRICAL = "spherical", "revolute", "prismatic", "cylindrical"
-UNIVERSAL, SCREW, FIXED, DISTANCE = "universal", "screw", "fixed", "distance"
-PARALLEL, PERPENDICULAR, ON_PLANE, ON_LINE = "parallel", "perpendicular", "point_on_plane", "point_on_line"
-ANGLE, DISPLACEMENT = "angle", "displacement"
-MEETING = frozenset({SPHERICAL, REVOLUTE, UNIVERSAL, FIXED})
+
+class Kind(StrEnum):
+    """What a joint is (`SHAPES`), what a driver moves (`DRIVEN`), or that nothing holds a body."""
+
+    SPHERICAL = "spherical"
+    REVOLUTE = "revolute"
+    PRISMATIC = "prismatic"
+    CYLINDRICAL = "cylindrical"
+    UNIVERSAL = "universal"
+    SCREW = "screw"
+    FIXED = "fixed"
+    DISTANCE = "distance"
+    PARALLEL = "parallel"
+    PERPENDICULAR = "perpendicular"
+    ON_PLANE = "point_on_plane"
+    ON_LINE = "point_on_line"
+    ANGLE = "angle"
+    DISPLACEMENT = "displacement"
+    FREE = "free"
+
+
+MEETING = frozenset({Kind.SPHERICAL, Kind.REVOLUTE, Kind.UNIVERSAL, Kind.FIXED})
 """Joints whose two points are one."""
-SHAPES: Mapping[tuple[type[joints.Element], ...], str] = {
-    (joints.PointsMeet,): SPHERICAL,
-    (joints.PointsMeet, joints.AxesParallel): REVOLUTE,
-    (joints.AxesParallel, joints.PointOnAxis): CYLINDRICAL,
-    (joints.AxesParallel, joints.PointOnAxis, joints.TurnAboutAxis): PRISMATIC,
-    (joints.PointsMeet, joints.AxesPerpendicular): UNIVERSAL,
-    (joints.PointsMeet, joints.AxesParallel, joints.TurnAboutAxis): FIXED,
-    (joints.AxesParallel, joints.PointOnAxis, joints.ScrewMotion): SCREW,
-    (joints.SpatialPointDistance,): DISTANCE,
-    (joints.AxesParallel,): PARALLEL,
-    (joints.AxesPerpendicular,): PERPENDICULAR,
-    (joints.PointInPlane,): ON_PLANE,
-    (joints.PointOnAxis,): ON_LINE,
+SHAPES: Mapping[tuple[type[joints.Element], ...], Kind] = {
+    (joints.PointsMeet,): Kind.SPHERICAL,
+    (joints.PointsMeet, joints.AxesParallel): Kind.REVOLUTE,
+    (joints.AxesParallel, joints.PointOnAxis): Kind.CYLINDRICAL,
+    (joints.AxesParallel, joints.PointOnAxis, joints.TurnAboutAxis): Kind.PRISMATIC,
+    (joints.PointsMeet, joints.AxesPerpendicular): Kind.UNIVERSAL,
+    (joints.PointsMeet, joints.AxesParallel, joints.TurnAboutAxis): Kind.FIXED,
+    (joints.AxesParallel, joints.PointOnAxis, joints.ScrewMotion): Kind.SCREW,
+    (joints.SpatialPointDistance,): Kind.DISTANCE,
+    (joints.AxesParallel,): Kind.PARALLEL,
+    (joints.AxesPerpendicular,): Kind.PERPENDICULAR,
+    (joints.PointInPlane,): Kind.ON_PLANE,
+    (joints.PointOnAxis,): Kind.ON_LINE,
 }
 """What a joint of these elements is."""
-DRIVEN: Mapping[type[joints.Element], str] = {
-    joints.TurnAboutAxis: ANGLE,
-    joints.ShiftAlongAxis: DISPLACEMENT,
-    joints.SpatialPointDistance: DISTANCE,
+DRIVEN: Mapping[type[joints.Element], Kind] = {
+    joints.TurnAboutAxis: Kind.ANGLE,
+    joints.ShiftAlongAxis: Kind.DISPLACEMENT,
+    joints.SpatialPointDistance: Kind.DISTANCE,
 }
 """What a driver of this element moves."""
-AXIAL = frozenset({REVOLUTE, PRISMATIC, CYLINDRICAL, SCREW, FIXED, PARALLEL})
+F, G, H = 0, 1, 2
+SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
+ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
+UNTURNED, CROSSED = ("dot", F, G), ("dot", H, H)
+ROWS: dict[str, tuple[Any, ...]] = {
+    Kind.CYLINDRICAL: SAME + ON_AXIS,
+    Kind.PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
+    Kind.FIXED: (*SAME, UNTURNED),
+    Kind.PARALLEL: SAME,
+    Kind.ON_LINE: ON_AXIS,
+    Kind.ON_PLANE: (("along", H),),
+    **dict.fromkeys((Kind.UNIVERSAL, Kind.PERPENDICULAR), (CROSSED,)),
+}
+"""What single axes hold of a joint beside points that meet, in the order of its rows.
+
+Axis a of i is perpendicular to axis b of j ("dot"), or the points differ by nothing along axis a of i ("along").
+"""
+AXIAL = frozenset({Kind.REVOLUTE, Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.SCREW, Kind.FIXED, Kind.PARALLEL})
 """Joints whose two axes have one direction."""
 
 
@@ -68,7 +103,7 @@ class Hold:
     """
 
     name: str
-    kind: str
+    kind: Kind
     row: int = 0
     body_i: str
     body_j: str
@@ -99,7 +134,7 @@ class Drive:
     """A driver: an angle or a displacement of a joint, or the distance of two points, follows a law over `size`."""
 
     name: str
-    kind: str
+    kind: Kind
     hold: Hold
     law: Any
     size: float = 1.0
@@ -154,7 +189,7 @@ class Given:
     """
 
     name: str
-    kind: str
+    kind: Kind
     row: int
     bodies: tuple[str, str]
     points: tuple[Any, Any]
@@ -193,7 +228,7 @@ def given(mechanism: Mechanism, *, apart: bool = False) -> Iterator[Given]:
             raise EngineRefusal(f"{what}: no equations here for the elements that it consists of, taken together")
 
 
-def _given(name: str, kind: str, elements: list[Any], joint: str) -> Given:
+def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
     def said(key: str) -> tuple[Any, Any]:
         values = ([getattr(e, f"{key}_{side}", None) for e in elements] for side in "ij")
         one, other = (next((v for v in group if v is not None), None) for group in values)
@@ -234,7 +269,7 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
             kind=g.kind,
             hold=moved[g.joint] if g.joint else _hold(g, unit.size, origin),
             law=g.laws[0],
-            size=1.0 if g.kind == ANGLE else unit.size,
+            size=1.0 if g.kind == Kind.ANGLE else unit.size,
         )
         for g in every
         if g.laws

@@ -20,7 +20,7 @@ distance            (d . d - L^2) / (2 L)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -28,25 +28,8 @@ import numpy as np
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.poses import EPS, Tabulated, extrema
-from crosscheck.engines.spatial.reading import (
-    ANGLE,
-    CYLINDRICAL,
-    DISTANCE,
-    FIXED,
-    ON_LINE,
-    ON_PLANE,
-    PARALLEL,
-    PERPENDICULAR,
-    PRISMATIC,
-    REVOLUTE,
-    SCREW,
-    SPHERICAL,
-    UNIVERSAL,
-    Drive,
-    Hold,
-)
+from crosscheck.engines.spatial.reading import MEETING, ROWS, Drive, H, Hold, Kind
 from crosscheck.engines.spatial.tree import SpaceTree
-from refkin.joints import GROUND
 
 Array = Any
 
@@ -94,8 +77,10 @@ class State:
     gap_acc: Array = None
 
 
-Row = Callable[[State], tuple[Any, Any]]
-"""State at a pose -> value and gradient; state of a motion without accelerations -> its second derivative, and None."""
+Law = tuple[float, float, float]
+"""A number that a row is held at, its rate and its second derivative."""
+Row = Callable[[State, Law], tuple[Any, Any]]
+"""State at a pose, law -> value and gradient; state of a motion without accelerations, law -> gamma, and None."""
 
 
 class SpaceSystem:
@@ -115,8 +100,7 @@ class SpaceSystem:
         self.tree = tree
         self.places: list[Place] = []
         self.pairs: list[tuple[int, int]] = []
-        self._rows: list[Row] = []
-        self._linear: list[tuple[Drive, Any]] = []
+        self._rows: list[tuple[Row, Law]] = []
         for body in tree.numbers.bodies:
             self._place(body, np.zeros(3), np.eye(3))
         for hold in tree.closures:
@@ -137,28 +121,29 @@ class SpaceSystem:
         return self._place(i[0], i[1] + along * i[2][:, 2], i[2]), self._place(j[0], j[1] + along * j[2][:, 2], j[2])
 
     def _close(self, hold: Hold) -> None:
-        if hold.kind == SCREW:
+        if hold.kind == Kind.SCREW:
             raise EngineRefusal(f"screw {hold.name!r} closes a loop: a joint tree has it as an edge alone")
         i, j = self._ends(hold)
-        if hold.kind in (SPHERICAL, REVOLUTE, UNIVERSAL, FIXED):
+        if hold.kind in MEETING:
             self.pairs.append((i, j))
-        if hold.kind == REVOLUTE:
+        if hold.kind == Kind.REVOLUTE:
             self.pairs.append(self._ends(hold, 1.0))
-        self._rows += [_dot(i, a, j, b) for a, b in AXES.get(hold.kind, ())]
-        self._rows += [_along(i, a, j) for a in ACROSS.get(hold.kind, ())]
-        if hold.kind == DISTANCE:
-            self._rows.append(_distance(i, j, hold.length))
+        for what, a, *b in sorted(ROWS.get(hold.kind, ()), key=lambda row: row[0] != "dot"):
+            self._rows.append((_dot(i, a, j, *b) if what == "dot" else _along(i, a, j), (0.0, 0.0, 0.0)))
+        if hold.kind == Kind.DISTANCE:
+            self._rows.append((_distance(i, j), (hold.length, 0.0, 0.0)))
 
     def _drive(self, drive: Drive) -> Any:
-        """Return the coordinate that a driver moves, or the places that its row is made of."""
-        edge = None if drive.kind == DISTANCE else self.tree.edge_of(drive.hold)
+        """Return the coordinate that a driver moves, with factor and shift, or its row."""
+        edge = None if drive.kind == Kind.DISTANCE else self.tree.edge_of(drive.hold)
         if edge is None:
-            if drive.hold.kind == SCREW:
+            if drive.hold.kind == Kind.SCREW:
                 raise EngineRefusal(f"screw {drive.hold.name!r} is driven and no edge of the tree")
-            return self._ends(drive.hold)
-        if edge.kind == SCREW and drive.kind != ANGLE:
+            i, j = self._ends(drive.hold)
+            return {Kind.DISTANCE: _distance(i, j), Kind.ANGLE: _angle(i, j)}.get(drive.kind, _along(i, H, j))
+        if edge.kind == Kind.SCREW and drive.kind != Kind.ANGLE:
             return edge.first, edge.pitch, edge.shift
-        column = edge.first + (1 if edge.kind == CYLINDRICAL and drive.kind == ANGLE else 0)
+        column = edge.first + (1 if edge.kind == Kind.CYLINDRICAL and drive.kind == Kind.ANGLE else 0)
         return column, 1.0, 0.0
 
     def start(self, t: float) -> Array:
@@ -168,7 +153,7 @@ class SpaceSystem:
         """
         q = self.tree.start()
         for drive, law, what in self._driven:
-            if drive.kind == ANGLE and drive.hold.kind != SCREW and len(what) == 3:
+            if drive.kind == Kind.ANGLE and drive.hold.kind != Kind.SCREW and not callable(what):
                 q[what[0]] += math.tau * round((law(t, 0) - q[what[0]]) / math.tau)
         return q
 
@@ -183,8 +168,8 @@ class SpaceSystem:
     def _at(self, q: Array, t: float) -> tuple[Array, Array]:
         state, columns = State(*self.engine.still(q)), self.tree.rates(q)
         values, slopes = [state.gap.ravel()], [state.gap_jac.reshape(self.own, columns.shape[0])]
-        for row in self._rows:
-            value, slope = row(state)
+        for row, law in self._rows:
+            value, slope = row(state, law)
             values.append([value])
             slopes.append(slope[None])
         for place, line in self._spins:
@@ -194,15 +179,16 @@ class SpaceSystem:
         for ball in self.tree.balls:
             values.append([0.5 * (q[ball] @ q[ball] - 1.0)])
             jacobian.append(_row(self.tree.width, ball, q[ball]))
-        for drive, law, what in self._driven:
-            f = law(t, 0) / drive.size
-            if len(what) == 3:
-                values.append([q[what[0]] * what[1] + what[2] - f])
-                jacobian.append(_row(self.tree.width, what[0], what[1]))
-            else:
-                value, slope = _driven(drive, what, state, f)
+        for drive, tabulated, what in self._driven:
+            f = tabulated(t, 0) / drive.size
+            if callable(what):
+                value, slope = what(state, (f, 0.0, 0.0))
                 values.append([value])
                 jacobian.append((slope @ columns)[None])
+            else:
+                column, factor, shift = what
+                values.append([q[column] * factor + shift - f])
+                jacobian.append(_row(self.tree.width, column, factor))
         return np.concatenate(values), np.concatenate(jacobian)
 
     @property
@@ -223,12 +209,12 @@ class SpaceSystem:
     def _bend(self, q: Array, qd: Array, t: float) -> Array:
         still = self.engine.still(q)
         state = State(*still, *self.engine.moving(q, self.tree.rates(q) @ qd, None))
-        right = [*(-state.gap_acc).ravel(), *(-row(state)[0] for row in self._rows)]
+        right = [*(-state.gap_acc).ravel(), *(row(state, law)[0] for row, law in self._rows)]
         right += [-(state.axes[place] @ line) @ state.acc[place, 3:] for place, line in self._spins]
         right += [-qd[ball] @ qd[ball] for ball in self.tree.balls]
-        for drive, law, what in self._driven:
-            f, fd, fdd = (law(t, order) / drive.size for order in range(3))
-            right.append(fdd if len(what) == 3 else _driven_bend(drive, what, state, f, fd, fdd))
+        for drive, tabulated, what in self._driven:
+            f = tabulated(t, 0) / drive.size, tabulated(t, 1) / drive.size, tabulated(t, 2) / drive.size
+            right.append(what(state, f)[0] if callable(what) else f[2])
         return np.array(right)
 
     def round_off(self, q: Array, t: Array) -> Array:
@@ -252,17 +238,6 @@ class SpaceSystem:
         columns = self.tree.rates(q)
         vel, acc, _ = self.engine.moving(q, columns @ qd, None if qdd is None else columns @ qdd)
         return r[:count], axes[:count], vel[:count], acc[:count]
-
-
-F, G, H = 0, 1, 2
-AXES: dict[str, Sequence[tuple[int, int]]] = {
-    **dict.fromkeys((CYLINDRICAL, PARALLEL), ((F, H), (G, H))),
-    **dict.fromkeys((PRISMATIC, FIXED), ((F, H), (G, H), (F, G))),
-    **dict.fromkeys((UNIVERSAL, PERPENDICULAR), ((H, H),)),
-}
-"""Which axis of i and of j a closure holds perpendicular."""
-ACROSS: dict[str, Sequence[int]] = {**dict.fromkeys((CYLINDRICAL, PRISMATIC, ON_LINE), (F, G)), ON_PLANE: (H,)}
-"""Along which axes of i a closure lets the points differ by nothing."""
 
 
 def _row(n: int, where: Any, values: Any) -> Array:
@@ -299,9 +274,9 @@ def _gap_motion(state: State, i: int, j: int) -> tuple[Any, Any, Any]:
 
 
 def _dot(i: int, a: int, j: int, b: int) -> Row:
-    def row(state: State) -> tuple[Any, Any]:
+    def row(state: State, f: Law) -> tuple[Any, Any]:
         if state.vel is not None:
-            return _product(_axis_motion(state, i, a), _axis_motion(state, j, b)), None
+            return -_product(_axis_motion(state, i, a), _axis_motion(state, j, b)), None
         (x, dx), (y, dy) = _axis(state, i, a), _axis(state, j, b)
         return x @ y, y @ dx + x @ dy
 
@@ -309,53 +284,36 @@ def _dot(i: int, a: int, j: int, b: int) -> Row:
 
 
 def _along(i: int, a: int, j: int) -> Row:
-    def row(state: State) -> tuple[Any, Any]:
+    def row(state: State, f: Law) -> tuple[Any, Any]:
         if state.vel is not None:
-            return _product(_axis_motion(state, i, a), _gap_motion(state, i, j)), None
+            return f[2] - _product(_axis_motion(state, i, a), _gap_motion(state, i, j)), None
         (x, dx), (d, dd) = _axis(state, i, a), _gap(state, i, j)
-        return x @ d, d @ dx + x @ dd
+        return x @ d - f[0], d @ dx + x @ dd
 
     return row
 
 
-def _distance(i: int, j: int, length: float) -> Row:
-    def row(state: State) -> tuple[Any, Any]:
+def _distance(i: int, j: int) -> Row:
+    def row(state: State, f: Law) -> tuple[Any, Any]:
+        length = f[0] or 1.0
         if state.vel is not None:
             d = _gap_motion(state, i, j)
-            return 0.5 * _product(d, d) / length, None
+            return (f[1] * f[1] + f[0] * f[2] - 0.5 * _product(d, d)) / length, None
         d, dd = _gap(state, i, j)
-        return (d @ d - length**2) / (2.0 * length), d @ dd / length
+        return (d @ d - f[0] * f[0]) / (2.0 * length), d @ dd / length
 
     return row
 
 
-def _driven(drive: Drive, ends: tuple[int, int], state: State, f: float) -> tuple[Any, Any]:
-    """Return value and gradient of a driver that holds no coordinate of the tree."""
-    i, j = ends
-    if drive.kind == DISTANCE:
-        d, dd = _gap(state, i, j)
-        return (d @ d - f * f) / (2.0 * (f or 1.0)), d @ dd / (f or 1.0)
-    h, dh = _axis(state, i, H)
-    if drive.kind == ANGLE:
+def _angle(i: int, j: int) -> Row:
+    """Return the row of a driven angle; its gamma is that where the axes of the joint are one, as where it closes."""
+
+    def row(state: State, f: Law) -> tuple[Any, Any]:
+        h = state.axes[i][:, H]
+        if state.vel is not None:
+            return f[2] - h @ (state.acc[j, 3:] - state.acc[i, 3:]), None
         x = state.axes[i].T @ state.axes[j]
         angle = math.atan2(x[1, 0] - x[0, 1], x[0, 0] + x[1, 1])
-        return math.remainder(angle - f, math.tau), h @ (state.jac[j, 3:] - state.jac[i, 3:])
-    d, dd = _gap(state, i, j)
-    return h @ d - f, d @ dh + h @ dd
+        return math.remainder(angle - f[0], math.tau), h @ (state.jac[j, 3:] - state.jac[i, 3:])
 
-
-def _driven_bend(drive: Drive, ends: tuple[int, int], state: State, f: float, fd: float, fdd: float) -> Any:
-    """Return gamma of such a driver; an angle's where the axes of its joint are one, as they are where it closes."""
-    i, j = ends
-    if drive.kind == DISTANCE:
-        d = _gap_motion(state, i, j)
-        return (fd * fd + f * fdd - 0.5 * _product(d, d)) / (f or 1.0)
-    h = _axis_motion(state, i, H)
-    if drive.kind == ANGLE:
-        return fdd - h[0] @ (state.acc[j, 3:] - state.acc[i, 3:])
-    return fdd - _product(h, _gap_motion(state, i, j))
-
-
-def ground(place: Place) -> bool:
-    """Return whether a place is on the ground."""
-    return place.body == GROUND
+    return row

@@ -16,24 +16,17 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError
-from crosscheck.engines.spatial.reading import (
-    CYLINDRICAL,
-    FIXED,
-    PRISMATIC,
-    REVOLUTE,
-    SCREW,
-    SPHERICAL,
-    UNIVERSAL,
-    Hold,
-    Numbers,
-)
+from crosscheck.engines.spatial.reading import Hold, Kind, Numbers
 from crosscheck.engines.spatial.turning import body_columns, matrix, parameters
 from refkin.joints import GROUND
 
-FREE = "free"
-WIDTH = {REVOLUTE: 1, PRISMATIC: 1, CYLINDRICAL: 2, UNIVERSAL: 2, SCREW: 1, FIXED: 0, SPHERICAL: 4, FREE: 7}
+WIDTH = {
+    **dict.fromkeys((Kind.REVOLUTE, Kind.PRISMATIC, Kind.SCREW), 1),
+    **dict.fromkeys((Kind.CYLINDRICAL, Kind.UNIVERSAL), 2),
+    **{Kind.FIXED: 0, Kind.SPHERICAL: 4, Kind.FREE: 7},
+}
 """How many coordinates an edge has: angles [rad], lengths (a shift before its turn), Euler parameters."""
-PREFERENCE = (SCREW, FIXED, PRISMATIC, CYLINDRICAL, UNIVERSAL, REVOLUTE, SPHERICAL)
+PREFERENCE = (Kind.SCREW, Kind.FIXED, Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.UNIVERSAL, Kind.REVOLUTE, Kind.SPHERICAL)
 """Which joints become edges first; those that a driver moves come before all of them."""
 QUARTER = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """What leads from the first axis of a universal joint to the second: z becomes x."""
@@ -51,7 +44,7 @@ class Edge:
 
     body: str
     parent: str
-    kind: str
+    kind: Kind
     u_parent: Any
     frame_parent: Any
     u_body: Any
@@ -69,12 +62,12 @@ class Edge:
     @property
     def turned(self) -> slice:
         """Where its Euler parameters are; empty if it has none."""
-        return slice(self.slot.stop - 4, self.slot.stop) if self.kind in (SPHERICAL, FREE) else slice(0, 0)
+        return slice(self.slot.stop - 4, self.slot.stop) if self.kind in (Kind.SPHERICAL, Kind.FREE) else slice(0, 0)
 
     @property
     def rates(self) -> int:
         """How many rates it has: three of a turn by Euler parameters."""
-        return WIDTH[self.kind] - (self.kind in (SPHERICAL, FREE))
+        return WIDTH[self.kind] - (self.kind in (Kind.SPHERICAL, Kind.FREE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +95,7 @@ class SpaceTree:
     @cached_property
     def balls(self) -> list[slice]:
         """Where Euler parameters are among the coordinates."""
-        return [edge.turned for edge in self.edges if edge.kind in (SPHERICAL, FREE)]
+        return [edge.turned for edge in self.edges if edge.kind in (Kind.SPHERICAL, Kind.FREE)]
 
     def edge_of(self, hold: Hold) -> Edge | None:
         """Return the edge that a joint has become."""
@@ -147,19 +140,18 @@ def _coordinates(edge: Edge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> 
     relative = turned.T @ body[1] @ edge.frame_body
     gap = turned.T @ (body[0] + body[1] @ edge.u_body - parent[0] - parent[1] @ edge.u_parent)
     angle = _about_z(relative)
-    if edge.kind == FREE:
+    if edge.kind == Kind.FREE:
         return [*body[0], *parameters(body[1])]
-    if edge.kind == SPHERICAL:
+    if edge.kind == Kind.SPHERICAL:
         return parameters(relative)
-    if edge.kind == UNIVERSAL:
+    if edge.kind == Kind.UNIVERSAL:
         first = np.arctan2(relative[1, 2], relative[0, 2])
         return [first, _about_z(QUARTER.T @ _turn_z(first).T @ relative)]
-    if edge.kind == SCREW:
-        along = gap[2]
-        turns = np.round(((along - edge.shift) / edge.pitch - angle) / (2 * np.pi)) if edge.pitch else 0.0
+    if edge.kind == Kind.SCREW:
+        turns = np.round(((gap[2] - edge.shift) / edge.pitch - angle) / (2 * np.pi)) if edge.pitch else 0.0
         return [angle + 2 * np.pi * turns]
-    along = gap[2]
-    return {REVOLUTE: [angle], PRISMATIC: [along], CYLINDRICAL: [along, angle], FIXED: []}[edge.kind]
+    along, both = [gap[2]], [gap[2], angle]
+    return {Kind.REVOLUTE: [angle], Kind.PRISMATIC: along, Kind.CYLINDRICAL: both, Kind.FIXED: []}[edge.kind]
 
 
 def _about_z(rotation: Any) -> float:
@@ -203,7 +195,7 @@ def absolute_tree(numbers: Numbers) -> SpaceTree:
 def free_edge(body: str) -> Edge:
     """Return the edge of a body that nothing holds."""
     rest: dict[str, Any] = {"u_parent": np.zeros(3), "u_body": np.zeros(3)}
-    return Edge(body=body, parent=GROUND, kind=FREE, frame_parent=np.eye(3), frame_body=np.eye(3), **rest)
+    return Edge(body=body, parent=GROUND, kind=Kind.FREE, frame_parent=np.eye(3), frame_body=np.eye(3), **rest)
 
 
 def _edge(hold: Hold, parent: str) -> Edge:
