@@ -214,7 +214,7 @@ class Adapter:
 
 
 class SimulatingAdapter(Adapter):
-    """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
+    """An adapter in whose models one physical effect may be switched on: `Simulating`.
 
     Parameters
     ----------
@@ -237,19 +237,15 @@ class SimulatingAdapter(Adapter):
         self.effect = effect
 
     def dynamic_routes(self) -> Sequence[Route]:
-        """Return the routes through the engine's dynamics."""
         return self.dynamic
 
     def physical_effects(self) -> Mapping[str, str]:
-        """Return what the engine can simulate beside kinematics, and how it is switched on."""
         return {name: effect.description for name, effect in self.effects.items()}
 
     def missing_effects(self) -> Mapping[str, str]:
-        """Return what it cannot simulate, and why."""
         return self.missing
 
     def with_effect(self, effect: str) -> Self:
-        """Return the engine with an effect switched on."""
         return type(self)(effect)
 
 
@@ -277,7 +273,8 @@ class ConstraintModel(Protocol):
         """Return gamma as the engine has it: phi_q qdd = gamma, (m,)."""
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Free what the engine holds, unless it goes with the object."""
+        return
 
 
 @runtime_checkable

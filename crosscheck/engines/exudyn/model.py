@@ -261,7 +261,6 @@ class ExudynModel(ExudynSystem):
         return out
 
     def close(self) -> None:
-        """Free what exudyn holds."""
         self.blocks, self._driven = [], []
         super().close()
 
@@ -282,7 +281,6 @@ class ExudynModel(ExudynSystem):
         self._distances_at = t
 
     def lengths(self) -> Sequence[tuple[int, float]]:
-        """Return exudyn's row and f of each driven distance at the present time."""
         return [(row, self.clock.values[law][0]) for row, _, law in self._driven]
 
 

@@ -249,12 +249,10 @@ class ExudynEquations(OwnSolver):
         return np.array([self._at_rest[at] for at in t.tolist()])
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right sides of the accelerations (B, m)."""
         drift = self.model.drifts(q * self.column_scale, qd * self.column_scale, t)
         return drift[:, self._live] / self.row_scale
 
     def extrema(self, times: Array) -> Array:
-        """Return times at which the law of a driver turns back."""
         return extrema([law for law, _, _ in self.model.clock.laws], times)
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:

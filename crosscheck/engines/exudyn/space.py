@@ -38,7 +38,7 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.frames import Length, Linear, RowMap
 from crosscheck.engines.spatial.reading import CROSSED, MEETING, ROWS, Drive, F, G, H, Hold, Kind, Numbers, numbers_of
-from crosscheck.engines.spatial.turning import common_columns
+from crosscheck.engines.spatial.turning import about_z, common_columns
 from refkin.joints import GROUND, SI, Constraint
 from refkin.model import Mechanism
 
@@ -212,7 +212,6 @@ class ExudynSpace(ExudynSystem):
     # rows
 
     def lengths(self) -> Sequence[tuple[int, float]]:
-        """Return exudyn's row and f of each driven distance at the present time."""
         moved = zip(self.f, self.driven, strict=True)
         return [(self.live[k], f) for f, (k, line, _) in moved if line.what == ("length",)]
 
@@ -308,12 +307,6 @@ class ExudynSpace(ExudynSystem):
 def law_value(drive: Drive, t: Any, order: int) -> Any:
     """Return a driver's law in the numbers' unit, or a derivative of it, at a time or at times (B,)."""
     return (drive.law(t, order) + 0.0 * t) / drive.size
-
-
-def about_z(angle: float) -> Array:
-    """Return the rotation about the third axis."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -91,7 +91,6 @@ class SpaceEquations(OwnSolver):
         bear_redundant_rows(self.default)
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residuals (B, m) and Jacobians (B, m, n)."""
         residuals, jacobians = zip(*map(self._rows, q, t.tolist()), strict=True)
         return np.array(residuals), np.array(jacobians)
 
@@ -109,7 +108,6 @@ class SpaceEquations(OwnSolver):
         return np.concatenate([rows, still, lengths]), np.concatenate([common @ of_rates, units])
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right sides of the velocities (B, m)."""
         out = []
         for each in zip(q, t.tolist(), strict=True):
             self.model.set_state(*each)
@@ -122,12 +120,10 @@ class SpaceEquations(OwnSolver):
         return np.concatenate([right, np.zeros(len(self.numbers.passive)), lengths])
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right sides of the accelerations (B, m)."""
         drifts = self.model.drifts(q, qd, t)
         return np.array([self._with_own(drift, rate) for drift, rate in zip(drifts, qd, strict=True)])
 
     def extrema(self, times: Array) -> Array:
-        """Return times at which the law of a driver turns back."""
         return extrema([drive.law for drive in self.numbers.drives], times)
 
     def apart(self, q: Array, other: Array) -> float:
@@ -135,7 +131,6 @@ class SpaceEquations(OwnSolver):
         return super().apart(q[..., self.moving], other[..., self.moving])
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
-        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why it is not believed."""
         q = (self._newton if self.predicts else self._shipped_newton)(t, unit(start))
         if not np.isfinite(q).all():
             raise EngineError("its Newton ended in no number")

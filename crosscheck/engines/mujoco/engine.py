@@ -39,7 +39,7 @@ from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, marched_motion, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, marched_motion, tree_motion
 from refkin.joints import GROUND, Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
@@ -174,19 +174,17 @@ class Mujoco(SimulatingAdapter):
         return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
 
 
-class TreeRows(MujocoRows):
-    """MuJoCo's model of a joint tree: a `TreeEngine`."""
+class TreeRows(MujocoRows, TreeEngine):
+    """MuJoCo's model of a joint tree."""
 
     def __init__(self, tree: JointTree, effect: str | None = None) -> None:
         super().__init__(affected(Plan(tree, tree.closures), effect))
         self.tree, self.closure_rows = tree, len(self.plan.sources)
 
     def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
-        """Return the residual of the closures and its Jacobian, and likewise points."""
         return self.rows(q, places)
 
     def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
-        """Return gamma of the closures, and the motion of points at qdd = 0."""
         return self.rates(q, qd, places)[1:]
 
 
@@ -206,15 +204,14 @@ class ThroughSites(TreeRows):
         return levels
 
 
-class AbsoluteRows:
-    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body: a `ConstraintModel`.
+class AbsoluteRows(ConstraintModel):
+    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body.
 
     The model is in units of the mechanism's size, a power of two, so that MuJoCo is given the very numbers it is asked
     about. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
     """
 
-    owns_driver: bool = False
-    rows: Sequence[RowMap]
+    owns_driver = False
 
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         bodies = mechanism.bodies
@@ -233,14 +230,12 @@ class AbsoluteRows:
         )
 
     def residual(self, q: Array, t: float) -> Array:
-        """Return MuJoCo's residual, (m,)."""
         residual = self._at(q, t)[0]
         for driven in self._squared:
             residual[driven.source] *= 0.5 * (self._rows.length(driven.source) + driven.value(t, 0))
         return residual * self._metre
 
     def jacobian(self, q: Array, t: float) -> Array:
-        """Return MuJoCo's constraint Jacobian, (m, n)."""
         jacobian = self._at(q, t)[1]
         for driven in self._squared:
             jacobian[driven.source] *= self._rows.length(driven.source)
@@ -264,10 +259,6 @@ class AbsoluteRows:
             else:
                 drift[k] += fdd
         return drift * self._metre
-
-    def close(self) -> None:
-        """Let the model go."""
-        del self._rows
 
     def _at(self, q: Array, t: float, qd: Array | None = None) -> tuple[Array, Array]:
         """Return residual (m,) and Jacobian (m, n), or with rates velocity and drift term (m,)."""

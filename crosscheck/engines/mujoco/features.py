@@ -13,6 +13,7 @@ Everything is in the model's unit of length, in which links are of order 1, so t
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -45,7 +46,8 @@ class Sites:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree, size = _turning(tree, SITES), tree.size
-        metres = [replace(e, point=(e.point[0] * size, e.point[1] * size), pin=_times(e.pin, size)) for e in tree.edges]
+        of_edges = ((e, [(x * size, y * size) for x, y in (e.point, e.pin)]) for e in tree.edges)
+        metres = [replace(e, point=point, pin=pin) for e, (point, pin) in of_edges]
         plan = Plan(replace(tree, edges=tuple(metres), closures=(), driven=()), ())
         for edge in metres:
             plan.bodies[edge.body].add_site(name=edge.body, pos=plan.place(edge.body, (0.0, 0.0)))
@@ -68,10 +70,6 @@ class Sites:
                 mujoco.mj_jacSite(m, d, slope, None, m.site(body).id)
                 levels[1][k] = (slope @ d.qvel)[:2]
         return [level / self.tree.size for level in levels]
-
-
-def _times(u: tuple[float, float], size: float) -> tuple[float, float]:
-    return u[0] * size, u[1] * size
 
 
 class SparseNewton:
@@ -138,22 +136,16 @@ def _contact(plan: Plan) -> None:
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.5, 0.0, 0.0])
 
 
-def _friction(plan: Plan) -> None:
-    switch_on(plan.spec, "FRICTIONLOSS")
-    for joint in plan.spec.joints:
-        joint.frictionloss = 1.0
+def _in_joints(*effects: str, **numbers: Any) -> Callable[[Plan], None]:
+    """Return what switches some effects on and gives every joint these numbers."""
 
+    def switch(plan: Plan) -> None:
+        switch_on(plan.spec, *effects)
+        for joint in plan.spec.joints:
+            for key, value in numbers.items():
+                setattr(joint, key, value)
 
-def _limits(plan: Plan) -> None:
-    switch_on(plan.spec, "LIMIT")
-    for joint in plan.spec.joints:
-        joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-1e-3, 1e-3]
-
-
-def _passive(plan: Plan) -> None:
-    switch_on(plan.spec, "SPRING", "DAMPER")
-    for joint in plan.spec.joints:
-        joint.stiffness, joint.damping = [10.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+    return switch
 
 
 def _actuation(plan: Plan) -> None:
@@ -179,9 +171,15 @@ def _inertia(plan: Plan) -> None:
 EFFECTS = {
     "gravity": Switch("9.81 across the plane's x axis", _gravity),
     "contact": Switch("a sphere of half a size on each body and on the ground", _contact),
-    "friction": Switch("frictionloss 1 in every joint", _friction),
-    "joint limits": Switch("every joint limited to 1e-3 about zero", _limits),
-    "passive forces": Switch("stiffness 10 and damping 1 in every joint", _passive),
+    "friction": Switch("frictionloss 1 in every joint", _in_joints("FRICTIONLOSS", frictionloss=1.0)),
+    "joint limits": Switch(
+        "every joint limited to 1e-3 about zero",
+        _in_joints("LIMIT", limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-1e-3, 1e-3]),
+    ),
+    "passive forces": Switch(
+        "stiffness 10 and damping 1 in every joint",
+        _in_joints("SPRING", "DAMPER", stiffness=[10.0, 0.0, 0.0], damping=[1.0, 0.0, 0.0]),
+    ),
     "actuation": Switch("a position servo of gain 10 on every joint", _actuation),
     "sensors": Switch("position and velocity sensors on every joint", _sensors),
     "inertia": Switch("seven times the mass, off the joints", _inertia),

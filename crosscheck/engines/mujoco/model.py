@@ -79,25 +79,10 @@ class Plan:
             self._constrain(f"c{k}", element)
 
     def compile(self) -> Any:
-        """Return the compiled model; from then on MuJoCo writes no log, neither to the console nor to a file.
-
-        Raises
-        ------
-        EngineError
-            If MuJoCo does not take the numbers.
-        """
-        log = mujoco.MjLogConfig.get()
-        log.logto_file = log.logto_console = False
-        log.set()
+        """Return the compiled model; raises as `compiled`."""
         if self.guides:
             switch_on(self.spec, "SENSOR")
-        try:
-            model = self.spec.compile()
-        except ValueError as error:
-            raise EngineError(f"MuJoCo does not compile this scene: {error}") from error
-        model.site_sameframe[:] = 0
-        model.tendon_length0[:] = 0.0
-        return model
+        return compiled(self.spec)
 
     def place(self, body: str, point: joints.Pair) -> list[float]:
         """Return a point of the scene's body (in units of the size) in MuJoCo's, whose origin is the joint."""
@@ -150,10 +135,8 @@ class Plan:
     def _equality(self, kind: Any, rows: int, *names: str) -> int:
         """Add an equality and return the first of its rows."""
         first, between = len(self.owners), mujoco.mjtObj.mjOBJ_TENDON if len(names) == 1 else mujoco.mjtObj.mjOBJ_SITE
-        index = len(self.spec.equalities)
-        equality = self.spec.add_equality(name=f"e{index}", type=kind, objtype=between, solref=[0.0, 0.0])
-        equality.name1, equality.name2 = (*names, "")[:2]
-        self.owners += [index] * rows
+        self.owners += [len(self.spec.equalities)] * rows
+        add_equality(self.spec, kind, between, *names, solref=[0.0, 0.0])
         return first
 
     def _connect(self, j: str, i: str) -> int:
@@ -242,6 +225,33 @@ def kinematic_spec() -> Any:
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.option.disableflags = sum(_bit(effect) for effect in OFF.split())
     return spec
+
+
+def compiled(spec: Any) -> Any:
+    """Return the model of a specification; from then on MuJoCo writes no log, neither to the console nor to a file.
+
+    Raises
+    ------
+    EngineError
+        If MuJoCo does not take the numbers.
+    """
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = log.logto_console = False
+    log.set()
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise EngineError(f"MuJoCo does not compile this scene: {error}") from error
+    model.site_sameframe[:] = 0
+    model.tendon_length0[:] = 0.0
+    return model
+
+
+def add_equality(spec: Any, kind: Any, between: Any, *names: str, **more: Any) -> Any:
+    """Add an equality between two things of a kind, or of one alone."""
+    added = spec.add_equality(name=f"e{len(spec.equalities)}", type=kind, objtype=between, **more)
+    added.name1, added.name2 = (*names, "")[:2]
+    return added
 
 
 def switch_on(spec: Any, *effects: str) -> None:

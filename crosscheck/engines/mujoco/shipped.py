@@ -20,7 +20,7 @@ import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import March, one_by_one
-from crosscheck.engines.mujoco.model import Plan, mujoco
+from crosscheck.engines.mujoco.model import Plan, add_equality, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
 from crosscheck.engines.spatial.reading import Drive, Hold, Kind, in_space, numbers_of
@@ -85,7 +85,6 @@ class Simulation:
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
-        """Return where the mechanism comes to rest from q, None if it does not, and the largest violation."""
         self.rows.drive(t)
         return at_rest(self.model, self.columns, q, np.eye(self.model.nv))
 
@@ -119,7 +118,6 @@ class SpaceSimulation(MujocoSpace):
                 self.braked[np.ix_(spin, spin)] -= np.outer(line, line)
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
-        """Return where the mechanism comes to rest from q, None if it does not, and the largest violation."""
         for drive, equality, shift in self.driven:
             self.model.eq_data[equality, 0] = float(drive.law(t)) / drive.size - shift
         pose, violation = at_rest(self.model, self.columns, self.coordinates(q), self.braked)
@@ -162,16 +160,8 @@ class SpaceSimulation(MujocoSpace):
 
     def _tie(self, polynomial: list[float], between: Any, *names: str) -> int:
         kind = mujoco.mjtEq.mjEQ_TENDON if between == mujoco.mjtObj.mjOBJ_TENDON else mujoco.mjtEq.mjEQ_JOINT
-        index = len(self.spec.equalities)
-        equality = self.spec.add_equality(name=f"tie {index}", type=kind, objtype=between)
-        equality.name1, equality.name2 = (*names, "")[:2]
-        equality.data[: len(polynomial)] = polynomial
-        return index
-
-    def _compiled(self) -> Any:
-        model = super()._compiled()
-        model.tendon_length0[:] = 0.0
-        return model
+        add_equality(self.spec, kind, between, *names).data[: len(polynomial)] = polynomial
+        return len(self.spec.equalities) - 1
 
 
 def _refuse(what: str) -> NoReturn:

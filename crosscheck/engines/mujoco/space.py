@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.mujoco.model import MASSES, kinematic_spec, mujoco
+from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
 from crosscheck.engines.spatial.reading import Kind
-from crosscheck.engines.spatial.system import Place
+from crosscheck.engines.spatial.system import Place, SpaceEngine
 from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
 from crosscheck.engines.spatial.turning import parameters
 from refkin.joints import GROUND
@@ -35,8 +35,8 @@ JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
 }
 
 
-class MujocoSpace:
-    """A `SpaceEngine`."""
+class MujocoSpace(SpaceEngine):
+    """MuJoCo's model of a joint tree of space."""
 
     def __init__(
         self,
@@ -59,7 +59,8 @@ class MujocoSpace:
         self._add()
         self.pairs, self.welded_from = pairs, 3 * len(pairs)
         self._owners = np.repeat(np.arange(len(pairs) + len(welds)), [3] * len(pairs) + [6] * len(welds))
-        self.model = self._compiled()
+        self.model = compiled(self.spec)
+        self.model.body_sameframe[:] = 0
         self.data = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in self._names]
         self.columns = np.concatenate([j.qposadr[0] + np.arange(len(j.qpos0)) for j in joints])
@@ -91,20 +92,7 @@ class MujocoSpace:
         for side, k in (("i", i), ("j", j)):
             u, axes = self._local(self.places[k])
             self.bodies[self.places[k].body].add_site(name=f"{name} {side}", pos=u, quat=parameters(axes))
-        equality = self.spec.add_equality(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, solref=[0.0, 0.0])
-        equality.name1, equality.name2 = f"{name} j", f"{name} i"
-
-    def _compiled(self) -> Any:
-        log = mujoco.MjLogConfig.get()
-        log.logto_file = log.logto_console = False
-        log.set()
-        try:
-            model = self.spec.compile()
-        except ValueError as error:
-            raise EngineError(f"MuJoCo does not compile this scene: {error}") from error
-        model.site_sameframe[:] = 0
-        model.body_sameframe[:] = 0
-        return model
+        add_equality(self.spec, kind, mujoco.mjtObj.mjOBJ_SITE, f"{name} j", f"{name} i", solref=[0.0, 0.0])
 
     def _columns(self) -> Array:
         """Return what makes rates of MuJoCo's joints, in the order of edges, of those of the tree: a screw has two."""
@@ -156,7 +144,6 @@ class MujocoSpace:
         return gap
 
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return places, axes and Jacobians, and of pairs d and its Jacobian: see `SpaceEngine`."""
         self._place(q)
         m, d, count = self.model, self.data, len(self._at)
         r, axes, jac = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 6, m.nv))
@@ -179,7 +166,6 @@ class MujocoSpace:
         mujoco.mj_referenceConstraint(self.model, self.data)
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
-        """Return velocities and accelerations of places, and d'' of pairs: see `SpaceEngine`."""
         self._move(q, rates)
         m, d = self.model, self.data
         vel, acc = np.empty((2, len(self._at), 6))

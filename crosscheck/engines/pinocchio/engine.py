@@ -38,7 +38,7 @@ from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Places, link_terms, marched_motion, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, marched_motion, tree_motion
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route
@@ -140,7 +140,7 @@ class Pinocchio(SimulatingAdapter):
         return tree_motion(tree, scene, producer, forward)
 
 
-class PinocchioConstraints:
+class PinocchioConstraints(ConstraintModel):
     """Pinocchio's rows for the joints of a scene, with columns (x, y, phi) per body [m, rad]; none for drivers."""
 
     owns_driver = False
@@ -156,11 +156,9 @@ class PinocchioConstraints:
         )
 
     def residual(self, q: Array, t: float) -> Array:
-        """Return the residual (m,)."""
         return self._rows.both(q[None], self._none)[0][0]
 
     def jacobian(self, q: Array, t: float) -> Array:
-        """Return the Jacobian (m, n)."""
         return self._rows.both(q[None], self._none)[1][0]
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
@@ -171,12 +169,9 @@ class PinocchioConstraints:
         """Return gamma (m,), from Pinocchio's accelerations of frames."""
         return self._rows.drift(q[None], qd[None], self._none)[0][0]
 
-    def close(self) -> None:
-        """Do nothing: Pinocchio frees its memory with the object."""
 
-
-class PinocchioTree:
-    """Pinocchio's model of a joint tree: a `TreeEngine`."""
+class PinocchioTree(TreeEngine):
+    """Pinocchio's model of a joint tree."""
 
     def __init__(self, tree: JointTree, effect: str | None = None) -> None:
         self.tree = tree
@@ -186,11 +181,9 @@ class PinocchioTree:
         self._points = dict[Any, Points]()
 
     def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
-        """Return the residual of the closures and its Jacobian, and likewise points."""
         return self._rows.both(q, self._at(places))
 
     def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
-        """Return gamma of the closures, and the motion of points at qdd = 0."""
         return self._rows.drift(q, qd, self._at(places))
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:

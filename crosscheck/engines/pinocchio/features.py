@@ -233,28 +233,31 @@ def _gravity(planar: PlanarModel) -> None:
     planar.model.gravity.linear = np.array([0.0, -9.81, 0.0])
 
 
-def _friction(planar: PlanarModel) -> None:
-    planar.model.lowerDryFrictionLimit[:], planar.model.upperDryFrictionLimit[:] = -1.0, 1.0
+def _filled(**numbers: float) -> Callable[[PlanarModel], None]:
+    """Return what fills some vectors of a model, each with one number."""
 
+    def switch(planar: PlanarModel) -> None:
+        for key, value in numbers.items():
+            getattr(planar.model, key)[:] = value
 
-def _limits(planar: PlanarModel) -> None:
-    planar.model.lowerPositionLimit[:], planar.model.upperPositionLimit[:] = -1e-3, 1e-3
-
-
-def _passive(planar: PlanarModel) -> None:
-    planar.model.damping[:] = 1.0
-
-
-def _actuation(planar: PlanarModel) -> None:
-    planar.model.lowerEffortLimit[:], planar.model.upperEffortLimit[:] = -EFFORT, EFFORT
+    return switch
 
 
 EFFECTS = {
     "gravity": Switch("9.81 across the plane's x axis", _gravity),
-    "friction": Switch(f"dry friction limits of 1 in every joint, {UNREAD}", _friction),
-    "joint limits": Switch(f"every joint limited to 1e-3 about zero, {UNREAD}", _limits),
-    "passive forces": Switch(f"damping 1 in every joint, {UNREAD}", _passive),
-    "actuation": Switch("an effort of 10 in every joint, where a method takes efforts", _actuation),
+    "friction": Switch(
+        f"dry friction limits of 1 in every joint, {UNREAD}",
+        _filled(lowerDryFrictionLimit=-1.0, upperDryFrictionLimit=1.0),
+    ),
+    "joint limits": Switch(
+        f"every joint limited to 1e-3 about zero, {UNREAD}",
+        _filled(lowerPositionLimit=-1e-3, upperPositionLimit=1e-3),
+    ),
+    "passive forces": Switch(f"damping 1 in every joint, {UNREAD}", _filled(damping=1.0)),
+    "actuation": Switch(
+        "an effort of 10 in every joint, where a method takes efforts",
+        _filled(lowerEffortLimit=-EFFORT, upperEffortLimit=EFFORT),
+    ),
     "inertia": Switch("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
 }
 

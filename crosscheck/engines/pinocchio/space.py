@@ -15,15 +15,15 @@ import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
 from crosscheck.engines.spatial.reading import Kind
-from crosscheck.engines.spatial.system import Place
+from crosscheck.engines.spatial.system import Place, SpaceEngine
 from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
 from refkin.joints import GROUND
 
 Array = Any
 
 
-class PinocchioSpace:
-    """A `SpaceEngine`."""
+class PinocchioSpace(SpaceEngine):
+    """Pinocchio's model of a joint tree of space."""
 
     def __init__(self, tree: SpaceTree, places: Sequence[Place], pairs: Sequence[tuple[int, int]]) -> None:
         self.tree = tree
@@ -54,7 +54,6 @@ class PinocchioSpace:
         return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *ends, WORLD_AXES)
 
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return places, axes and Jacobians, and of pairs d and its Jacobian: see `SpaceEngine`."""
         model, data, nv = self.model, self.data, self.model.nv
         pin.computeJointJacobians(model, data, self.coordinates(q))
         placed = [data.oMi[joint] * at for joint, at in self.frames]
@@ -71,7 +70,6 @@ class PinocchioSpace:
         return r, axes, jac, gap, slopes
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
-        """Return velocities and accelerations of places, and d'' of pairs: see `SpaceEngine`."""
         model, data = self.model, self.data
         rest = self._rest if accelerations is None else accelerations
         pin.forwardKinematics(model, data, self.coordinates(q), rates, rest)

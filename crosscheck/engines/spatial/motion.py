@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Level, Term
+from crosscheck.engines import ConstraintModel, Level, Term
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.march import Closing, March, march, one_by_one
 from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Kind, Numbers, numbers_of
@@ -166,7 +166,7 @@ SPATIAL_VECTORS = tuple(
 """What an engine adds to rows that composes spatial vectors in the ground frame."""
 
 
-class SpaceRows:
+class SpaceRows(ConstraintModel):
     """An engine's rows for some joints of a mechanism.
 
     Parameters
@@ -203,11 +203,9 @@ class SpaceRows:
         return len(self.places) - 2, len(self.places) - 1
 
     def residual(self, q: Array, t: float) -> Array:
-        """Return the residual (m,)."""
         return self._stacked(self.engine.still(q)[3], q, 0)
 
     def jacobian(self, q: Array, t: float) -> Array:
-        """Return the Jacobian (m, 6 b) in columns (v, w) of each body."""
         return self._stacked(self.engine.still(q)[4], q, 1) @ self._to_body(q)
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
@@ -221,9 +219,6 @@ class SpaceRows:
         """Return gamma (m,): minus the second derivative of the rows while v' and w' are zero."""
         rates = self.tree.rates(q) @ qd
         return -self._stacked(self.engine.moving(q, rates, None)[2], q, 3, rates)
-
-    def close(self) -> None:
-        """Do nothing: what the engine holds goes with the object."""
 
     def _stacked(self, gaps: Array, q: Array, what: int, rates: Array = None) -> Array:
         """Return the rows of pairs, then of welds: residual, Jacobian, velocity or second derivative (0 to 3)."""

@@ -27,7 +27,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineRefusal
-from crosscheck.engines.poses import EPS, Tabulated, extrema
+from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
 from crosscheck.engines.spatial.reading import MEETING, ROWS, Drive, H, Hold, Kind
 from crosscheck.engines.spatial.tree import SpaceTree
 
@@ -83,7 +83,7 @@ Row = Callable[[State, Law], tuple[Any, Any]]
 """State at a pose, law -> value and gradient; state of a motion without accelerations, law -> gamma, and None."""
 
 
-class SpaceSystem:
+class SpaceSystem(Equations):
     """The rows to be solved, of a tree in an engine.
 
     The spin of a passive body (`Numbers.passive`), the first of those that spin as one, is held still by a row of rates
@@ -160,7 +160,6 @@ class SpaceSystem:
     # rows
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residual (B, m) and Jacobian (B, m, n)."""
         parts = [self._at(*lane) for lane in zip(q, t.tolist(), strict=True)]
         residual, jacobian = (np.array(part) for part in zip(*parts, strict=True))
         return residual, jacobian
@@ -196,14 +195,12 @@ class SpaceSystem:
         return self.own + len(self._rows) + len(self._spins) + len(self.tree.balls)
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the velocities."""
         right = np.zeros((len(t), self._held + len(self._driven)))
         for k, (drive, law, _) in enumerate(self._driven):
             right[:, self._held + k] = law(t, 1) / drive.size
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the accelerations."""
         return np.array([self._bend(*lane) for lane in zip(q, qd, t.tolist(), strict=True)])
 
     def _bend(self, q: Array, qd: Array, t: float) -> Array:
@@ -226,7 +223,6 @@ class SpaceSystem:
         return 24.0 * (1 + self.tree.depth) ** 2 * EPS * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
 
     def extrema(self, times: Array) -> Array:
-        """Return times between those given at which a law turns back."""
         return extrema([law for _, law, _ in self._driven], times)
 
     def bodies(self, q: Array, qd: Array | None, qdd: Array | None) -> tuple[Array, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.spatial.reading import Hold, Kind, Numbers
-from crosscheck.engines.spatial.turning import body_columns, matrix, parameters
+from crosscheck.engines.spatial.turning import about_z, body_columns, matrix, parameters
 from refkin.joints import GROUND
 
 WIDTH = {
@@ -146,7 +146,7 @@ def _coordinates(edge: Edge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> 
         return parameters(relative)
     if edge.kind == Kind.UNIVERSAL:
         first = np.arctan2(relative[1, 2], relative[0, 2])
-        return [first, _about_z(QUARTER.T @ _turn_z(first).T @ relative)]
+        return [first, _about_z(QUARTER.T @ about_z(first).T @ relative)]
     if edge.kind == Kind.SCREW:
         turns = np.round(((gap[2] - edge.shift) / edge.pitch - angle) / (2 * np.pi)) if edge.pitch else 0.0
         return [angle + 2 * np.pi * turns]
@@ -156,11 +156,6 @@ def _coordinates(edge: Edge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> 
 
 def _about_z(rotation: Any) -> float:
     return float(np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1]))
-
-
-def _turn_z(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:

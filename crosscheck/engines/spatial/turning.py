@@ -41,6 +41,12 @@ def matrix(p: Rows) -> Array:
     )
 
 
+def about_z(angle: float) -> Array:
+    """Return the rotation about the third axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
 def parameters(rotation: Array) -> Array:
     """Return Euler parameters (4,) of a rotation matrix, the largest of them positive (Shepperd 1978)."""
     a = np.asarray(rotation, float)

@@ -6,28 +6,14 @@
 `chains`, `engine` a scene as loops: what the engine `vector_loop` solves
 """
 
-from crosscheck.engines.vector_loop.marching import (
-    LoopMarch,
-    Minimum,
-    MinimumStatus,
-    close,
-    march,
-    minimise,
-    with_new_estimates,
-)
-from crosscheck.engines.vector_loop.system import AngleRelation, LoopSystem
-from crosscheck.engines.vector_loop.vectors import Variable, Vector
-
-__all__ = [
-    "AngleRelation",
-    "LoopMarch",
-    "LoopSystem",
-    "Minimum",
-    "MinimumStatus",
-    "Variable",
-    "Vector",
-    "close",
-    "march",
-    "minimise",
-    "with_new_estimates",
-]
+from crosscheck.engines.vector_loop.marching import LoopMarch as LoopMarch
+from crosscheck.engines.vector_loop.marching import Minimum as Minimum
+from crosscheck.engines.vector_loop.marching import MinimumStatus as MinimumStatus
+from crosscheck.engines.vector_loop.marching import close as close
+from crosscheck.engines.vector_loop.marching import march as march
+from crosscheck.engines.vector_loop.marching import minimise as minimise
+from crosscheck.engines.vector_loop.marching import with_new_estimates as with_new_estimates
+from crosscheck.engines.vector_loop.system import AngleRelation as AngleRelation
+from crosscheck.engines.vector_loop.system import LoopSystem as LoopSystem
+from crosscheck.engines.vector_loop.vectors import Variable as Variable
+from crosscheck.engines.vector_loop.vectors import Vector as Vector

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import march as continuation
-from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Array, Poses, extrema
+from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Array, Equations, Poses, extrema
 from crosscheck.engines.poses import close as close_all
 from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.motion import Status
@@ -138,32 +138,27 @@ def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimu
     return Minimum(MinimumStatus.STALLED if fit.status > 0 else MinimumStatus.ITERATION_LIMIT, q, residual)
 
 
-class LoopEquations:
-    """The equations of loops in unknowns of order one, q times `weights`: `poses.Equations`."""
+class LoopEquations(Equations):
+    """The equations of loops in unknowns of order one, q times `weights`."""
 
     def __init__(self, system: LoopSystem) -> None:
         self.system = system
         self.laws = {id(law): law for variable in system.variables() for _, law in variable.laws}
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residual and Jacobian, (B, n) and (B, n, n)."""
         s, at = self.system, self.unknowns(q)
         return s.residual(at, t).T / s.scale, np.moveaxis(s.jacobian(at, t), 2, 0) / s.weights / s.scale
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right side of the velocities, (B, n)."""
         return np.asarray(self.system.nu(self.unknowns(q), t).T / self.system.scale)
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right side of the accelerations, (B, n)."""
         return np.asarray(self.system.gamma(self.unknowns(q), self.unknowns(qd), t).T / self.system.scale)
 
     def round_off(self, q: Array, t: Array) -> Array:
-        """Return what rounding may leave of equations that are satisfied, (B, n)."""
         return np.asarray(self.system.rounding(self.unknowns(q), t).T / self.system.scale)
 
     def extrema(self, times: Array) -> Array:
-        """Return times between those given at which a law turns back."""
         return extrema(list(self.laws.values()), times)
 
     def unknowns(self, q: Array) -> Array:
