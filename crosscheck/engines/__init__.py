@@ -96,6 +96,11 @@ def derived(reason: str) -> Capability:
     return Capability(Support.DERIVED, reason)
 
 
+def by_level(rows: Capability, solve: Capability) -> dict[Level, Capability]:
+    """Return what a table says of an element: of constraint rows at every level the same, and how it is solved."""
+    return {**dict.fromkeys(Level, rows), Level.SOLVE: solve}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Term:
     """An error that an engine adds by its own doing, as a bound of the scaled residual at one level.

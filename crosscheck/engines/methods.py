@@ -194,7 +194,11 @@ class Method:
                 answer: Motion = engine.solve(deepcopy(scene), route)
             return answer
         model, order = self.model(scene), order_of(scene)
-        return _as_motion(self, scene, model.read(model.solve(order)))
+        who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), self.engine)
+        route = Route(name=self.name, newton_by=self.newton_by, seeding=self.seeding, **who)
+        bodies = tuple(body.name for body in scene.mechanism.bodies)
+        producer = Producer(name=self.engine, version="", route=route)
+        return motion_of(scene.times, bodies, model.read(model.solve(order)), producer)
 
     def terms(self, scene: Scene) -> Sequence[Term]:
         """Return what it adds to the allowed error of a scene by its own doing."""
@@ -345,13 +349,6 @@ def undisturbed() -> Iterator[None]:
 def levels_of(motion: Motion) -> list[Array]:
     """Return the levels that a motion has."""
     return [level for level in motion.levels if level is not None]
-
-
-def _as_motion(method: Method, scene: Scene, levels: Sequence[Any]) -> Motion:
-    who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), method.engine)
-    route = Route(name=method.name, newton_by=method.newton_by, seeding=method.seeding, **who)
-    bodies = tuple(body.name for body in scene.mechanism.bodies)
-    return motion_of(scene.times, bodies, levels, Producer(name=method.engine, version="", route=route))
 
 
 def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], producer: Producer) -> Motion:

@@ -33,9 +33,10 @@ from flint import arb
 
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import BOTH_SIDES, SAFETY
+from crosscheck.judge import budget
+from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.comparison import Reference
-from crosscheck.judge.running_error import Running, U, parts, running
+from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import alike, passive_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
 from refkin.joints import PLANE
@@ -249,8 +250,7 @@ ROUNDINGS = 6 * U
 
 def residual_error(system: System, q: Any, t: float) -> Any:
     """Return what rounding leaves of the residual (m,) at a pose (n,)."""
-    rows = system.phi(running(q, U * np.abs(q)), Running(np.float64(t)))
-    return BOTH_SIDES * SAFETY * parts(rows)[1]
+    return BOTH_SIDES * budget.residual_error(system, q[:, None], np.array([t]))[:, 0]
 
 
 def least_error(system: System, q: Any, t: float) -> Any:

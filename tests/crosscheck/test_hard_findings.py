@@ -118,7 +118,7 @@ def test_the_default_solver_of_mujoco_errs_on_a_branching_tree_of_more_than_60_f
     for jacobian in (default, dense):
         model.opt.jacobian = jacobian
         data = mujoco.MjData(model)
-        data.qpos[simulation.columns] = q
+        data.qpos[simulation.rows.columns] = q
         mujoco.mj_forward(model, data)
         fields[jacobian] = np.array(data.qacc)
 

@@ -29,7 +29,9 @@ def law_jet(law: Law, times: tuple[float, ...], arithmetic: Arithmetic) -> Jet:
     if isinstance(law, Polynomial):
         return _horner([arithmetic.number(c) for c in law.coefficients], t, arithmetic)
     if isinstance(law, Sinusoid):
-        return _sinusoid(law, t, arithmetic)
+        w = arithmetic.number(law.angular_frequency)
+        _, sine = Jet(t * w + arithmetic.number(law.phase), w).cos_sin()
+        return sine.times(arithmetic.number(law.amplitude)) + Jet(arithmetic.number(law.offset))
     if isinstance(law, Table):
         return Jet(*(_table(law, times, order, arithmetic) for order in range(3)))
     raise TypeError(f"law: expected Polynomial, Sinusoid, Table or Integral, got {type(law).__name__}")
@@ -41,12 +43,6 @@ def _horner(coefficients: list[Number], t: Number, arithmetic: Arithmetic) -> Je
     for c in reversed(coefficients):
         value = value * argument + Jet(c)
     return value
-
-
-def _sinusoid(law: Sinusoid, t: Number, arithmetic: Arithmetic) -> Jet:
-    w = arithmetic.number(law.angular_frequency)
-    _, sine = Jet(t * w + arithmetic.number(law.phase), w).cos_sin()
-    return sine.times(arithmetic.number(law.amplitude)) + Jet(arithmetic.number(law.offset))
 
 
 def _integral(law: Law, times: tuple[float, ...], t: Number, arithmetic: Arithmetic) -> Number:

@@ -311,7 +311,8 @@ class Assembly:
             for point, there, length in self._reach(other, body, frame):
                 arm = point - there
                 across = arm - axis.scaled(axis.dot(arm))
-                if turns and np.max(np.abs(_off_line(frame, point, tie, side, axis, self.count))) > ALIKE:
+                off = point - frame.point(tie.points[side])
+                if turns and np.max(np.abs((off - axis.scaled(axis.dot(off))).part("v", self.count))) > ALIKE:
                     continue
                 along, square = axis.dot(arm), length * length - across.dot(across)
                 self.roots.append(Root(square, square / (length * length)))
@@ -384,11 +385,6 @@ class Assembly:
 def _root(square: Jet) -> Jet:
     with np.errstate(all="ignore"):
         return square.sqrt()
-
-
-def _off_line(frame: Frame, point: Vector, tie: Tie, side: int, axis: Vector, count: int) -> Any:
-    arm = point - frame.point(tie.points[side])
-    return (arm - axis.scaled(axis.dot(arm))).part("v", count)
 
 
 def _across(line: Vector, assembly: Assembly) -> tuple[Vector, Vector, Vector]:

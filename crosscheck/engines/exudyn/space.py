@@ -122,10 +122,8 @@ class ExudynSpace(ExudynSystem):
     # building
 
     def _markers(self, hold: Hold) -> list[Any]:
-        return [self._marker(body, hold.end(body)[0]) for body in hold.bodies]
-
-    def _marker(self, body: str, u: Any) -> Any:
-        return self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=self.bodies[body], localPosition=list(map(float, u))))
+        places = [(self.bodies[body], list(map(float, hold.end(body)[0]))) for body in hold.bodies]
+        return [self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=body, localPosition=u)) for body, u in places]
 
     def _generic(self, markers: list[Any], axis: int, i: Any, j: Any) -> Any:
         """Add a generic joint that holds one axis, between the frames i and j of markers."""

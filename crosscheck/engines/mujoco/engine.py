@@ -22,6 +22,7 @@ from crosscheck.engines import (
     SimulatingAdapter,
     Support,
     Term,
+    by_level,
     derived,
     expressed,
     refusals,
@@ -90,19 +91,18 @@ CAPABILITIES: Capabilities = {
     "rolling wheels": _levels(),
     "angle by a law": _LAW,
     "coordinate by a law": _LAW,
-    "distance by a law": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
+    "distance by a law": by_level(_SQUARED, _LAW[Level.SOLVE]),
     "points of space coincide": _levels(),
     "axes parallel": _levels(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
     "turn about axis": _levels(solve=_EDGE_OR_ROW),
-    "screw": {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: derived("a slide that the adapter moves with its hinge")},
-    **{
-        key: {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: _EDGE_OR_ROW}
-        for key in ("axes perpendicular", "point on axis", "point in plane", "distance of space")
-    },
-    **{
-        key: {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: _LAW[Level.SOLVE]}
-        for key in ("turn about axis by a law", "shift along axis by a law", "distance of space by a law")
-    },
+    "screw": by_level(_NO_ROW, derived("a slide that the adapter moves with its hinge")),
+    **dict.fromkeys(
+        ("axes perpendicular", "point on axis", "point in plane", "distance of space"), by_level(_NO_ROW, _EDGE_OR_ROW)
+    ),
+    **dict.fromkeys(
+        ("turn about axis by a law", "shift along axis by a law", "distance of space by a law"),
+        by_level(_NO_ROW, _LAW[Level.SOLVE]),
+    ),
 }
 
 
@@ -214,8 +214,9 @@ class AbsoluteRows(ConstraintModel):
     owns_driver = False
 
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
-        bodies = mechanism.bodies
-        tree = _absolute_tree(mechanism)
+        bodies, size = [body.name for body in mechanism.bodies], mechanism.size()
+        free = tuple(Edge(body=b, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, b in enumerate(bodies))
+        tree = JointTree(edges=free, closures=(), driven=(), size=size, origin=(0.0, 0.0), estimates={}, links={})
         self._rows = MujocoRows(Plan(tree, elements_of(constraints)))
         sources = self._rows.plan.sources
         self._drivers = self._rows.plan.driven
@@ -266,12 +267,3 @@ class AbsoluteRows(ConstraintModel):
         at = (q * self._unit)[None]
         first, second, *_ = self._rows.rows(at) if qd is None else self._rows.rates(at, (qd * self._unit)[None])
         return first[0], second[0]
-
-
-def _absolute_tree(mechanism: Mechanism) -> JointTree:
-    """Return the tree without joints: every body free on the ground."""
-    names = [body.name for body in mechanism.bodies]
-    edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
-    return JointTree(
-        edges=tuple(edges), closures=(), driven=(), size=mechanism.size(), origin=(0.0, 0.0), estimates={}, links={}
-    )

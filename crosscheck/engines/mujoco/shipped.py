@@ -82,11 +82,10 @@ class Simulation:
         self.rows = MujocoRows(plan)
         self.model: Any = self.rows.model
         as_shipped(self.model)
-        self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
         self.rows.drive(t)
-        return at_rest(self.model, self.columns, q, np.eye(self.model.nv))
+        return at_rest(self.model, self.rows.columns, q, np.eye(self.model.nv))
 
 
 class SpaceSimulation(MujocoSpace):

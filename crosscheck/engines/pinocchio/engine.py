@@ -21,6 +21,7 @@ from crosscheck.engines import (
     Level,
     SimulatingAdapter,
     Term,
+    by_level,
     derived,
     expressed,
     refusals,
@@ -54,24 +55,21 @@ TWO_PAIRS = refused("Pinocchio has no such constraint: a second pair of points s
 NO_ROW = refused("Pinocchio has no such constraint in space")
 EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
 
+DRIVEN = (
+    *("angle by a law", "coordinate by a law", "distance by a law"),
+    *("turn about axis by a law", "shift along axis by a law", "distance of space by a law"),
+)
 CAPABILITIES: Capabilities = {
     **{key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "point on line", "angle")},
-    "distance": {**dict.fromkeys(Level, NO_DISTANCE), Level.SOLVE: LINK},
-    **{
-        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW}
-        for key in ("angle by a law", "coordinate by a law", "distance by a law")
-    },
+    "distance": by_level(NO_DISTANCE, LINK),
+    **dict.fromkeys(DRIVEN, by_level(NO_DRIVER, OWN_ROW)),
     "points of space coincide": dict.fromkeys(Level, NATIVE),
-    "axes parallel": {**dict.fromkeys(Level, TWO_PAIRS), Level.SOLVE: NATIVE},
-    "screw": {**dict.fromkeys(Level, NO_ROW), Level.SOLVE: NATIVE},
-    **{
-        key: {**dict.fromkeys(Level, NO_ROW), Level.SOLVE: EDGE_OR_ROW}
-        for key in ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "distance of space")
-    },
-    **{
-        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW}
-        for key in ("turn about axis by a law", "shift along axis by a law", "distance of space by a law")
-    },
+    "axes parallel": by_level(TWO_PAIRS, NATIVE),
+    "screw": by_level(NO_ROW, NATIVE),
+    **dict.fromkeys(
+        ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "distance of space"),
+        by_level(NO_ROW, EDGE_OR_ROW),
+    ),
 }
 
 

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import March, one_by_one
-from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
+from crosscheck.engines.pinocchio.model import shift, tree_model, turn, unit_vector
 from crosscheck.engines.spatial.reading import Drive, Kind
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
@@ -50,7 +50,7 @@ def closed_chain(tree: JointTree, scene: Scene) -> March:
         If a joint that closes a loop is not a revolute, or a driver does not hold the joint by which a body hangs on
         the ground; the message names it.
     """
-    return one_by_one(_Chain(tree).closed, tree.start(), scene.times)
+    return one_by_one(_chain(tree).closed, tree.start(), scene.times)
 
 
 class Example:
@@ -109,7 +109,8 @@ class SpaceExample:
         for hold in tree.closures:
             if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE):
                 _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")
-        loops = [self._loop(*pair) for pair in system.pairs]
+        ends = [(*self.space.frames[j], *self.space.frames[i]) for i, j in system.pairs]
+        loops = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places) for places in ends]
         self.example = Example(self.model, self.space.data, loops, self._held)
 
     def closed(self, q: Array, t: float) -> tuple[Array | None, float]:
@@ -119,10 +120,6 @@ class SpaceExample:
             for ball in self.space.tree.balls:
                 pose[ball] = np.roll(pose[ball], 1)
         return pose, gap
-
-    def _loop(self, i: int, j: int) -> Any:
-        ends = (*self.space.frames[j], *self.space.frames[i])
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *ends)
 
     def _joint(self, edge: Any, drive: Drive) -> int:
         """Return the joint that a driver holds."""
@@ -143,25 +140,20 @@ def _refuse(what: str, why: str) -> NoReturn:
     raise EngineRefusal(f"pinocchio refuses {what} by the method {CLOSED_CHAIN.name!r}: {why}")
 
 
-class _Chain(Example):
-    """A planar tree with its constraints: the loops, then one per driver."""
+def _chain(tree: JointTree) -> Example:
+    """Return the loop of a planar tree with its constraints: the loops, then one per driver."""
+    planar = tree_model(tree)
+    drivers = [_Held(tree, element) for element in tree.driven]
 
-    def __init__(self, tree: JointTree) -> None:
-        self.tree = tree
-        self.planar: PlanarModel = tree_model(tree)
-        self.model = self.planar.model
-        drivers = [_Held(tree, element) for element in tree.driven]
-        loops = [self._loop(element) for element in tree.closures]
-        super().__init__(
-            self.model, self.planar.data, loops, lambda t: [held.constraint(self.model, t) for held in drivers]
-        )
-
-    def _loop(self, e: Element) -> Any:
+    def loop(e: Element) -> Any:
         if not isinstance(e, PointsCoincide):
             _refuse(f"{e.key} of {e.name!r}", "its RigidConstraintModel closes loops at points or frames")
-        ends = [self.planar.frames[body].at(self.tree.scaled(body, point)) for body, point in reversed(e.ends)]
+        ends = [planar.frames[body].at(tree.scaled(body, point)) for body, point in reversed(e.ends)]
         places = [x for end in ends for x in (end.joint, end.placement)]
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places)
+        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, planar.model, *places)
+
+    loops = [loop(element) for element in tree.closures]
+    return Example(planar.model, planar.data, loops, lambda t: [held.constraint(planar.model, t) for held in drivers])
 
 
 class _Held:
@@ -169,21 +161,15 @@ class _Held:
 
     def __init__(self, tree: JointTree, element: Element) -> None:
         self.tree, self.element = tree, element
-        self.joint, self.edge = self._joint()
+        joints = [(k + 1, edge) for k, edge in enumerate(_moving(tree)) if edge.body == element.bodies[1]]
+        if not joints:
+            raise EngineRefusal(f"pinocchio refuses {element.key} of {element.name!r}: its body is fixed to another")
+        self.joint, self.edge = joints[0]
         turning = isinstance(element, RelativeAngle) and element.body_i == GROUND
         sliding = isinstance(element, PointCoordinate)
         wanted = Freedom.TURN if turning else Freedom.SLIDE if sliding else None
         if self.edge.parent != GROUND or self.edge.freedom is not wanted:
             _refuse(f"{element.key} of {element.name!r}", "it holds no joint by which a body hangs on the ground")
-
-    def _joint(self) -> tuple[int, Edge]:
-        """Return the joint by which the driven body hangs on another, and its edge."""
-        joints = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.element.bodies[1]]
-        if not joints:
-            raise EngineRefusal(
-                f"pinocchio refuses {self.element.key} of {self.element.name!r}: its body is fixed to another"
-            )
-        return joints[0]
 
     def constraint(self, model: Any, t: float) -> Any:
         """Return the constraint that holds the joint's frame where the law has it at a time."""

@@ -33,7 +33,8 @@ class PinocchioSpace(SpaceEngine):
             self.bodies[edge.body] = self._hang(edge)
         self.model.gravity.setZero()
         self.frames = [(self.bodies[p.body][0], self.bodies[p.body][1] * pin.SE3(p.axes, p.u)) for p in places]
-        self.constraints = [self._constraint(*pair) for pair in pairs]
+        ends = [(*self.frames[j], *self.frames[i], WORLD_AXES) for i, j in pairs]
+        self.constraints = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *two) for two in ends]
         self.pairs = np.array(pairs, int).reshape(-1, 2)
         self.data = self.model.createData()
         self.contacts = [constraint.createData() for constraint in self.constraints]
@@ -48,10 +49,6 @@ class PinocchioSpace(SpaceEngine):
             place = pin.SE3.Identity()
         back = pin.SE3(edge.frame_body, edge.u_body).inverse()
         return (joint, back) if edge.kind != Kind.FIXED else (joint, place * back)
-
-    def _constraint(self, i: int, j: int) -> Any:
-        ends = (*self.frames[j], *self.frames[i])
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *ends, WORLD_AXES)
 
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
         model, data, nv = self.model, self.data, self.model.nv
