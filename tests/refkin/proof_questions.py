@@ -111,7 +111,7 @@ def numbers(scene: Scene) -> Any:
     inner = frames.inward(q)
     said.append([summed(frames.shifts), frames.furthest, summed(inner), summed(frames.outward(inner))])
     said.append([summed(frames.inward_rate(inner, qd)), summed(frames.outward_rate(inner, qdd))])
-    said.append(summed([float(x) for x in frames.outward_balls(list(map(arb, inner.tolist())))]))
+    said.append(summed([float(x) for x in frames.outward(np.array(list(map(arb, inner.tolist()))))]))
     some, one = q[:, None], np.array([t])
     said += [inputs.has_digits(system, some, one), inputs.laws_have_digits(system, np.array([1e3, 1e9, 1e15]))]
     said += [summed(inputs.half_ulp(system, some * 1e9, order)) for order in range(3)]

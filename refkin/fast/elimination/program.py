@@ -122,30 +122,23 @@ FORMATS: Mapping[str, str] = {
     "neg": "-{0}",
     "abs": "abs({0})",
     "max": "{0} if {0} > {1} else {1}",
-    "min": "{0} if {0} < {1} else {1}",
     "greater": "{0} > {1}",
     "select": "{1} if {0} else {2}",
     "cos": "cos({0})",
     "sin": "sin({0})",
     "tan": "tan({0})",
     "copy": "{0}",
+    "profile": "profile({value[0]}, {value[1]}, {0})",
+    "inverse": "inverse({value}, {args})",
+    "apply": "apply({args})",
+    "entry": "{0}[{value}]",
 }
 
 
 def statement(instruction: Instruction) -> str:
     """Return an instruction as a Python statement."""
     args = [str(a) for a in instruction.args]
-    value: Any = instruction.value
-    if instruction.op == "profile":
-        right = f"profile({value[0]}, {value[1]}, {args[0]})"
-    elif instruction.op == "inverse":
-        right = f"inverse({value}, {', '.join(args)})"
-    elif instruction.op == "apply":
-        right = f"apply({', '.join(args)})"
-    elif instruction.op == "entry":
-        right = f"{args[0]}[{value}]"
-    else:
-        right = FORMATS[instruction.op].format(*args)
+    right = FORMATS[instruction.op].format(*args, args=", ".join(args), value=instruction.value)
     return f"{instruction.out} = {right}"
 
 

@@ -122,10 +122,8 @@ class Workspace:
         op, out = instruction.op, instruction.out
         if op in UFUNCS:
             return UFUNCS[op], (*map(self._row, instruction.args), self._row(out))
-        if op in ("max", "min"):
-            return _extreme, (np.maximum if op == "max" else np.minimum, *map(self._row, (*instruction.args, out)))
-        if op == "select":
-            return _select, (*map(self._row, instruction.args), self._row(out))
+        if op in ("max", "select"):
+            return (_maximum if op == "max" else _select), (*map(self._row, instruction.args), self._row(out))
         if op == "profile":
             return self._run_profile, (instruction.value, self._row(instruction.args[0]), self._row(out))
         if op == "inverse":
@@ -193,8 +191,8 @@ def _in_lines(count: int, samples: int) -> Any:
     return memory[first : first + count * stride].reshape(count, stride)[:, :samples]
 
 
-def _extreme(function: Any, a: Any, b: Any, out: Any) -> None:
-    function(a, b, out=out)
+def _maximum(a: Any, b: Any, out: Any) -> None:
+    np.maximum(a, b, out=out)
 
 
 def _select(mask: Any, x: Any, y: Any, out: Any) -> None:

@@ -56,9 +56,6 @@ class _Scheduler:
         self.solved, self.graph = solved, graph
         self.wanted = [set(level) for level in (*wanted, (), ())][:3]
         self.levels = [level if some else [] for level, some in zip(solved.levels, self.wanted, strict=True)]
-        needed = self._needed_core()
-        self.core = tuple(c for c in solved.core if c in needed)
-        self.blocks = [k for k, block in enumerate(solved.blocks) if needed.issuperset(block)]
         self.done: dict[Symbol, Symbol] = {}
         self.rule = half_angled if half_angles else None
         self.at: dict[Symbol, Register] = {}
@@ -72,7 +69,7 @@ class _Scheduler:
         leaves = [s for s in stages if s.op == "input" and s.value.kind != "q"]
         for leaf in sorted(leaves, key=lambda s: s.value):
             self.at[leaf] = self.new("u" if leaf.value.kind == "g" else "w")
-        for c, row in zip(self.core, outputs.core, strict=True):
+        for c, row in zip(self.solved.core, outputs.core, strict=True):
             self.at[self.graph.input("q", c)] = Register("w", row)
         constants = {self._placed(s, "u"): s.value for s in stages if s.op == "const"}
         segments = self._segments(stages, newton, answer)
@@ -82,17 +79,17 @@ class _Scheduler:
             {s.value: r for s, r in self.at.items() if s.op == "input"},
             outputs,
             self.sizes,
-            self.core,
-            tuple(self.solved.blocks[k] for k in self.blocks),
+            tuple(self.solved.core),
+            tuple(self.solved.blocks),
         )
 
     def _outputs(self) -> Outputs:
         """Lay out the outputs: levels one after another, so that each is one slice of the bank."""
         levels = [self._range(len(level)) for level in self.levels]
-        blocks = len(self.blocks)
+        blocks = len(self.solved.blocks)
         return Outputs(
             levels=(levels[0], levels[1], levels[2]),
-            core=tuple(levels[0][c] for c in self.core),
+            core=tuple(levels[0][c] for c in self.solved.core),
             step=self._range(1)[0],
             determinants=self._range(blocks),
             pivots=self._range(blocks),
@@ -100,11 +97,9 @@ class _Scheduler:
 
     def _targets(self, outputs: Outputs) -> tuple[dict[Symbol, list[int]], dict[Symbol, list[int]]]:
         """Return what `newton` and `answer` are to leave in which registers."""
-        every = dict(zip(self.solved.core, self.solved.corrections, strict=True))
-        corrections = {c: self._of(every[c]) for c in self.core}
         newton: dict[Symbol, list[int]] = {}
         step = self.graph.constant(0.0)
-        for c, correction in corrections.items():
+        for c, correction in zip(self.solved.core, [*map(self._of, self.solved.corrections)], strict=True):
             size = abs(correction)
             step = size if step.zero else self.graph.node("max", step, size)
             moved = self.graph.input("q", c) - correction
@@ -116,23 +111,9 @@ class _Scheduler:
                 if c in wanted and not (symbol.op == "input" and symbol.value == Leaf("q", (c,))):
                     answer.setdefault(self._of(symbol), []).append(rows[c])
         for symbols, rows in ((self.solved.determinants, outputs.determinants), (self.solved.pivots, outputs.pivots)):
-            for k, row in zip(self.blocks, rows, strict=True):
-                answer.setdefault(self._of(symbols[k]), []).append(row)
+            for symbol, row in zip(symbols, rows, strict=True):
+                answer.setdefault(self._of(symbol), []).append(row)
         return newton, answer
-
-    def _needed_core(self) -> set[int]:
-        """Return the core coordinates that the wanted ones depend on, whole blocks."""
-        levels = [level[c] for level, wanted in zip(self.levels, self.wanted, strict=True) for c in wanted]
-        core: set[int] = set()
-        waiting = {s.value.place[0] for s in needed(levels) if s.op == "input" and s.value.kind == "q"}
-        correction = dict(zip(self.solved.core, self.solved.corrections, strict=True))
-        while waiting:
-            block = next(set(b) for b in self.solved.blocks if not waiting.isdisjoint(b))
-            core |= block
-            reads = needed(correction[c] for c in block)
-            waiting |= {s.value.place[0] for s in reads if s.op == "input" and s.value.kind == "q"}
-            waiting -= core
-        return core
 
     def _segments(
         self, stages: Mapping[Symbol, str], newton: dict[Symbol, list[int]], answer: dict[Symbol, list[int]]

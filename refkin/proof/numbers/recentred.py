@@ -9,14 +9,12 @@ the differences of points from it need no digits that the points do not have.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from refkin.joints import GROUND, Constraint
-from refkin.joints.spatial_vectors import Quaternion, SpatialValues
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -38,59 +36,30 @@ class Recentred:
         return float(np.max(np.abs(self.shifts), initial=0.0))
 
     def inward(self, q: Any) -> Any:
-        """Return coordinates (n,) of the system as those of `inner`."""
+        """Return coordinates (n,) of the system, numbers or balls, as those of `inner`."""
         return self._moved(q, 1.0)
 
     def outward(self, q: Any) -> Any:
-        """Return coordinates (n,) of `inner` as those of the system."""
+        """Return coordinates (n,) of `inner`, numbers or balls, as those of the system."""
         return self._moved(q, -1.0)
-
-    def outward_balls(self, q: Any) -> tuple[Any, ...]:
-        """Return balls (n,) that enclose the coordinates of `inner` as those of the system."""
-        out = list(q)
-        for at, shift in self._bodies():
-            for k, x in enumerate(_turned(q[at], shift.tolist()), at.start):
-                out[k] = q[k] - x
-        return tuple(out)
-
-    def _bodies(self) -> Iterator[tuple[slice, Any]]:
-        width = self.system.kind.width
-        for k, shift in enumerate(self.shifts):
-            yield slice(width * k, width * (k + 1)), shift
 
     def inward_rate(self, q: Any, rate: Any) -> Any:
         """Return the change (n,) of the coordinates of `inner`, at its q, that goes with one of the system's."""
-        return self._swept(q, rate, 1.0)
+        return self._moved(q, 1.0, rate)
 
     def outward_rate(self, q: Any, rate: Any) -> Any:
         """Return the change (n,) of the system's coordinates that goes with one of those of `inner`, at its q."""
-        return self._swept(q, rate, -1.0)
+        return self._moved(q, -1.0, rate)
 
-    def _swept(self, q: Any, rate: Any, sign: float) -> Any:
-        rate = np.array(rate, float)
-        for at, shift in self._bodies():
-            own = rate[at]
-            if len(shift) == 2:
-                x, y = _turned(q[at], shift)
-                swept: Any = (-y * (sign * own[2]), x * (sign * own[2]))
-            else:
-                arm = SpatialValues(*q[at]).arm(*shift)
-                swept = (arm.along(Quaternion.of(*own[3:])) * sign).parts
-            rate[at.start : at.start + len(shift)] += swept
-        return rate
-
-    def _moved(self, q: Any, sign: float) -> Any:
-        q = np.array(q, float)
-        for at, shift in self._bodies():
-            q[at.start : at.start + len(shift)] += [sign * x for x in _turned(q[at], shift)]
-        return q
-
-
-def _turned(q: Any, u: Any) -> Any:
-    if len(u) == 3:
-        return SpatialValues(*q).arm(*u).at.parts
-    c, s = (q[2].cos(), q[2].sin()) if hasattr(q[2], "cos") else (np.cos(q[2]), np.sin(q[2]))
-    return c * u[0] - s * u[1], s * u[0] + c * u[1]
+    def _moved(self, q: Any, sign: float, rate: Any = None) -> Any:
+        """Return coordinates, or their rates, where each body's origin is the point that its shift leads to."""
+        kind, levels = self.system.kind, [np.array(level) for level in (q, rate) if level is not None]
+        for k, shift in enumerate(sign * self.shifts):
+            at = slice(kind.width * k, kind.width * (k + 1))
+            motion = kind.values(*q[at]).point_motion(tuple(shift.tolist()), None if rate is None else rate[at], None)
+            for level, moved in zip(levels, motion, strict=False):
+                level[at][: kind.dimension] = moved
+        return levels[-1]
 
 
 def recentred(system: System) -> Recentred:

@@ -40,7 +40,7 @@ class Symbol:
     ========= ============================ =================================================
     const                                  the number
     input                                  a `Leaf`
-    add ...   two                          (add, sub, mul, div, max, min, greater)
+    add ...   two                          (add, sub, mul, div, max, greater)
     neg ...   one                          (neg, abs, cos, sin, tan)
     select    mask, x, y: x where mask
     profile   the parameter s              (constraint, order): a derivative of its profile

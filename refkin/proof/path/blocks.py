@@ -146,30 +146,21 @@ def matching(pattern: Any) -> Any:
     column_of: dict[int, int] = {}
     for start in range(len(columns)):
         reached_from: dict[int, int] = {}
-        free = _free_column(columns, row_of, start, reached_from)
-        if free is None:
+        waiting, end = [start], None
+        for row in waiting:
+            new = [column for column in columns[row] if column not in reached_from]
+            reached_from.update(dict.fromkeys(new, row))
+            end = next((column for column in new if column not in row_of), None)
+            if end is not None:
+                break
+            waiting += [row_of[column] for column in new]
+        if end is None:
             return None
-        end: int | None = free
         while end is not None:
             row = reached_from[end]
             row_of[end] = row
             column_of[row], end = end, column_of.get(row)
     return np.array([row_of[c] for c in range(len(columns))], int)
-
-
-def _free_column(
-    columns: list[list[int]], row_of: dict[int, int], start: int, reached_from: dict[int, int]
-) -> int | None:
-    queue = [start]
-    for row in queue:
-        for column in columns[row]:
-            if column in reached_from:
-                continue
-            reached_from[column] = row
-            if column not in row_of:
-                return column
-            queue.append(row_of[column])
-    return None
 
 
 def _stacked(parts: list[tuple[Any, Any]], n: int) -> Blocks:

@@ -11,7 +11,7 @@ from flint import ctx
 from refkin.proof.numbers.inputs import contradiction, rate_contradiction
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.certificate import certify
-from refkin.proof.pose.krawczyk import Enclosure, krawczyk
+from refkin.proof.pose.krawczyk import Enclosure, krawczyk, objects
 from refkin.system import System
 
 FLOAT64, BITS = 53, 113
@@ -110,7 +110,7 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float) -> Enclosure | None:
     if enclosure is None:
         return None
     with ctx.workprec(BITS):
-        root = frames.outward_balls(enclosure.q)
+        root = tuple(frames.outward(objects(enclosure.q)))
     # All that is closer in the given coordinates is in the box: shifts turn with the angles.
     radii = enclosure.radii / (1.0 + np.sum(np.abs(frames.shifts)))
     return Enclosure(frames.system.held_at(q), t, BITS, root, radii, enclosure.rows)
