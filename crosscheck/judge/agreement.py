@@ -55,7 +55,7 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
         raise RefkinError(f"{scene.name}: {why}")
     terms = [Term(name="own stopping rule", level="position", reason="said by the caller", absolute=residual)]
     compared = compare(ref, answer, terms if residual else ())
-    faults = [*_wrong(ref, answer, compared, terms if residual else ()), *_unanswered(ref, answer, compared)]
+    faults = list(_faults(ref, answer, compared, terms if residual else ()))
     if faults:
         raise AssertionError(f"{scene.name}: " + "\n".join(faults))
     proved = {Status.UNASSEMBLABLE, Status.LOCKED} >= set(ref.motion.status)
@@ -88,13 +88,18 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
     return engine_motion(t, ref.motion.bodies, q, qd, qdd, status, OWN)
 
 
-def _wrong(ref: Reference, motion: Motion, compared: Comparison, terms: Any) -> Iterator[str]:
+def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) -> Iterator[str]:
     for order, name in enumerate(QUANTITIES):
         quantity = compared.quantities.get(name)
         if quantity is not None and not quantity.agrees and quantity.worst is not None:
             yield _sentence(ref, motion, order, quantity, terms)
     if compared.other_assembly:
         yield "it is the other assembly: the joints are satisfied, but the linkage is put together another way"
+    if compared.missing:
+        of = f"{compared.missing} of {len(motion.status)} times"
+        yield f"no answer at {of}, the first t = {compared.first_missing:.17g} s, where there is one, by proof"
+    for fault in believed(ref, motion):
+        yield f"{fault['quantity']}: {fault['kind']}: {fault['message']}"
 
 
 def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComparison, terms: Any) -> str:
@@ -114,11 +119,3 @@ def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComp
         f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {off / allowed:.3g} times the allowed "
         f"{allowed:.3g} {unit}{f'; {violated}' if violated else ''}"
     )
-
-
-def _unanswered(ref: Reference, motion: Motion, compared: Comparison) -> Iterator[str]:
-    if compared.missing:
-        of = f"{compared.missing} of {len(motion.status)} times"
-        yield f"no answer at {of}, the first t = {compared.first_missing:.17g} s, where there is one, by proof"
-    for fault in believed(ref, motion):
-        yield f"{fault['quantity']}: {fault['kind']}: {fault['message']}"

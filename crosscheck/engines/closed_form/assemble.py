@@ -182,7 +182,9 @@ class Assembly:
         for line in self.linkage.lines:
             locus = _line_locus(line, g, x, turn)
             if locus is not None:
-                yield LocusRow(locus, self._normal_estimate(line), line.name)
+                angle = self._body_angle(line.body_i)
+                gradient = None if angle is None else _start(line.normal) * complex(math.cos(angle), math.sin(angle))
+                yield LocusRow(locus, gradient, line.name)
         for row in self.linkage.distances:
             for a, b in ((row.node_a, row.node_b), (row.node_b, row.node_a)):
                 if a in g.nodes and b in x.nodes:
@@ -259,10 +261,6 @@ class Assembly:
                 return complex(ex, ey) + turned - complex(*self.linkage.origin)
         placed = self.groups[0].nodes.get(node)
         return None if placed is None else _start(placed)
-
-    def _normal_estimate(self, line: LineRow) -> complex | None:
-        angle = self._body_angle(line.body_i)
-        return None if angle is None else _start(line.normal) * complex(math.cos(angle), math.sin(angle))
 
     def _body_angle(self, body: str) -> float | None:
         if body in self.estimates:

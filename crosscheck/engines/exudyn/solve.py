@@ -170,12 +170,10 @@ class OwnSolver(Equations):
                 continue
             self._last = pose
             self.failed.pop(at, None)
-            if last is None or self.apart(pose, start) <= self._near(pose, last):
+            near = math.inf if last is None else min(max(ASTRAY * self.apart(pose, last), NEAR), self.furthest)
+            if self.apart(pose, start) <= near:
                 poses[k], (residuals[k], jacobians[k]) = pose, of_pose
         return poses, jacobians, residuals
-
-    def _near(self, pose: Array, last: Array) -> float:
-        return min(max(ASTRAY * self.apart(pose, last), NEAR), self.furthest)
 
     def motion(self, start: Array, times: Sequence[float], order: int) -> March:
         """Return the motion from an estimate of the first pose."""
