@@ -20,8 +20,7 @@ from crosscheck.engines.methods import OURS
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.bench import Key, key_of, measured_by_name, merged
-from crosscheck.measure.effects import effects_ledger
-from crosscheck.measure.effects_ablations import REFKIN
+from crosscheck.measure.effects import REFKIN, effects_ledger
 from crosscheck.scenes import workloads
 from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure, call_each

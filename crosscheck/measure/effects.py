@@ -1,23 +1,25 @@
-"""The ledger of effects: the reference and the engines one after the other, each in a process of its own."""
+"""The ledger of effects: what is switched on and off in each method, each effect by itself.
+
+The reference and the engines come one after the other, each in a process of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
-from crosscheck.engines import EngineError, EngineRefusal, Term
-from crosscheck.engines.methods import Method, Use, methods
+from crosscheck.engines import PHYSICAL, QUANTITIES, EngineError, EngineRefusal, Term
+from crosscheck.engines.methods import ORDERS, Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.prices import EffectRow
-from crosscheck.measure.effects_ablations import REFKIN, Ablation, Ablations, ablations
-from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, FailureKind, call_in_turn
 from crosscheck.workers.timing import Timing, timed_in_turns
-from refkin.model import Scene
+from refkin.model import Evidence, Point, Scene
 from refkin.motion import Motion
 from refkin.scenes.files import parse, to_dict
 
@@ -33,6 +35,78 @@ GROUPS = 3
 """Into how many parts the rounds are divided, to see how far a difference repeats."""
 
 
+REFKIN = "refkin"
+POSITION, VELOCITY, ACCELERATION = QUANTITIES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ablation:
+    """An effect as two answers, by name: without it and with it."""
+
+    effect: str
+    off: str = ACCELERATION
+    on: str
+    called_for: bool = True
+    note: str
+
+
+@dataclass(frozen=True)
+class Ablations:
+    """What is measured of one method: its answers by name, the effects as pairs of them, and why others are absent."""
+
+    method: Method
+    works: Mapping[str, Callable[[], Motion]]
+    effects: tuple[Ablation, ...]
+    absent: Mapping[str, str] = field(default_factory=dict)
+
+
+LEVELS = (
+    Ablation(effect=VELOCITY, off=POSITION, on=VELOCITY, note="beyond position"),
+    Ablation(effect=ACCELERATION, off=VELOCITY, on=ACCELERATION, note="beyond velocity"),
+)
+EVIDENCE = {Evidence.CONDITION: "singular values of phi_q", Evidence.CERTIFICATE: "a proof of every pose and rate"}
+
+
+def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
+    """Return what is switched on and off in a method, each effect, or one of them, against an answer without it.
+
+    Evidence is the reference's own; physical effects are an engine's, which may have been made to simulate.
+    """
+    whole = replace(scene, effects=ORDERS[-1], evidence=frozenset(), points=(), bodies_wanted=None)
+    body, origin = scene.mechanism.bodies[0].name, (0.0,) * scene.mechanism.kind.dimension
+    points = scene.points or (Point(name="a point", body=body, position=origin),)
+    scenes = {q: replace(whole, effects=effects) for q, effects in zip(QUANTITIES, ORDERS, strict=True)}
+    scenes["points"] = replace(whole, points=points)
+    many = f"{len(points)} of them, position to acceleration"
+    listed = [*LEVELS[: method.highest], Ablation(effect="points", on="points", note=many)]
+    absent = {} if len(scene.mechanism.bodies) > 1 else {"other bodies": f"{body} is the only body"}
+    absent |= {level.effect: "the engine delivers none" for level in LEVELS[method.highest :]}
+    if len(scene.mechanism.bodies) > 1:
+        scenes["one body"] = replace(whole, bodies_wanted=(body,))
+        listed.append(Ablation(effect="other bodies", off="one body", on=ACCELERATION, note=f"those beside {body}"))
+    works: dict[str, Callable[[], Motion]] = {}
+    if method.engine == REFKIN:
+        for kind, note in EVIDENCE.items():
+            scenes[kind.value] = replace(whole, evidence=frozenset({kind}))
+            listed.append(Ablation(effect=kind.value, on=kind.value, note=note))
+        absent |= dict.fromkeys(PHYSICAL, "refkin has none: no formula of it holds a mass or a force")
+    else:
+        engine, none = method.simulating, "the engine offers no simulation to switch on"
+        simulated = engine.physical_effects() if engine else {}
+        reasons = engine.missing_effects() if engine else dict.fromkeys(PHYSICAL, none)
+        for effect, how in simulated.items():
+            works[effect] = partial(method.affected(effect).solve, whole)
+            listed.append(Ablation(effect=effect, on=effect, called_for=False, note=how))
+        absent |= {kind.value: "evidence is the reference's own, the engine gives none" for kind in EVIDENCE}
+        absent |= {e: reasons.get(e, "the engine names none") for e in PHYSICAL if e not in simulated}
+    works |= {name: partial(method.solve, asked) for name, asked in scenes.items()}
+    if only:
+        listed = [a for a in listed if a.effect == only]
+        works = {name: works[name] for a in listed for name in (a.off, a.on)}
+        absent = {effect: why for effect, why in absent.items() if effect == only}
+    return Ablations(method, works, tuple(listed), absent)
+
+
 def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[EffectRow]:
     """Return the rows of one engine, or of one effect alone.
 
@@ -41,27 +115,16 @@ def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[EffectRow
     data, spec, within, effect = asked
     scene = parse(data)
     scene = replace(scene, times=scene.times[:MOST_TIMES])
-    ablated = [ablations(method, scene) for method in methods(spec, Use.EFFECTS)]
-    if effect:
-        ablated = [_alone(each, effect) for each in ablated]
+    ablated = [ablations(method, scene, effect) for method in methods(spec, Use.EFFECTS)]
     ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
-    share = within / max(len(ablated), 1)
-    return [row for each in ablated for row in rows(each, ref, share, _terms(each.method, scene))]
-
-
-def _alone(ablated: Ablations, effect: str) -> Ablations:
-    effects = tuple(a for a in ablated.effects if a.effect == effect)
-    names = {name for a in effects for name in (a.off, a.on)}
-    absent = {name: why for name, why in ablated.absent.items() if name == effect}
-    return replace(ablated, effects=effects, works={name: ablated.works[name] for name in names}, absent=absent)
-
-
-def _terms(method: Method, scene: Scene) -> Sequence[Term]:
-    """Return what the method adds to the allowed error; what refuses the scene adds nothing."""
-    try:
-        return method.terms(scene)
-    except EngineError:
-        return ()
+    share, ledger = within / max(len(ablated), 1), list[EffectRow]()
+    for each in ablated:
+        try:
+            terms = each.method.terms(scene)
+        except EngineError:  # what refuses the scene adds nothing to the allowed error
+            terms = ()
+        ledger += rows(each, ref, share, terms)
+    return ledger
 
 
 def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
@@ -107,7 +170,7 @@ def _row(
         return unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
     if a.on == "points" and not on.points:
         return unmeasured(key, a.effect, "the adapter reports no motion of points")
-    changed = change(ref, off, on, terms, exact=ablated.exact)
+    changed = change(ref, off, on, terms, exact=ablated.method.engine == REFKIN)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
         **dict(zip(KEY, key, strict=True)),

@@ -29,8 +29,7 @@ from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
 from crosscheck.measure.check import estimated
-from crosscheck.measure.effects import effects_ledger
-from crosscheck.measure.effects_ablations import REFKIN
+from crosscheck.measure.effects import REFKIN, effects_ledger
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.measure.jobs import scene_of
 from crosscheck.measure.price import LEAST, price_list

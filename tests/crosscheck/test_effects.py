@@ -19,8 +19,7 @@ from crosscheck.judge.changes import _difference, same_bits
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure import effects as ledger
-from crosscheck.measure.effects import effects_ledger, noise, rows
-from crosscheck.measure.effects_ablations import ablations
+from crosscheck.measure.effects import ablations, effects_ledger, noise, rows
 from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.model import Point

@@ -21,8 +21,7 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause, line_of, read_line
 from crosscheck.measure.check import TURNED_ROUND, check, key_of
-from crosscheck.measure.effects import rows
-from crosscheck.measure.effects_ablations import ablations
+from crosscheck.measure.effects import ablations, rows
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.joints import GROUND, AngleDriver, Revolute

@@ -14,8 +14,8 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
 from crosscheck.measure import bench
 from crosscheck.measure.check import check
+from crosscheck.measure.effects import ablations
 from crosscheck.measure.effects import rows as effect_rows
-from crosscheck.measure.effects_ablations import ablations
 from crosscheck.measure.hard_table import listed, outcome_of
 from crosscheck.measure.price import price
 from crosscheck.scenes import workloads

@@ -19,8 +19,7 @@ from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
-from crosscheck.measure.effects import rows
-from crosscheck.measure.effects_ablations import ablations
+from crosscheck.measure.effects import ablations, rows
 from refkin.model import Scene
 from refkin.scenes.linkages import Hooke
 from refkin.solving.follow import driven_by
