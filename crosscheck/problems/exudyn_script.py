@@ -1,116 +1,23 @@
 """A problem as a script for exudyn: its bodies, joints and drivers, positions by its own static solver.
 
-The script needs exudyn alone, and prints an answer that the grader reads. It is written from the elements of joints.
+The script needs exudyn alone, and prints an answer that the grader reads. `exudyn_model.py.j2` is its text; here is
+what each element of the joints adds.
 """
 
 from __future__ import annotations
 
-import math
+from importlib.resources import files
 from typing import Any
 
+from jinja2 import StrictUndefined, Template
+
+from crosscheck.engines.frames import direction
 from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
 from crosscheck.problems import formula
 from refkin import joints
 from refkin.model import Scene
 
-HEAD = '''"""{title}: positions by exudyn's static solver. Prints an answer for grade.py."""
-
-import json
-from math import cos, sin
-
-import exudyn as exu
-from exudyn.itemInterface import *
-
-exu.config.printToConsole = False  # standard output is the answer's
-exu.config.suppressWarnings = True
-system = exu.SystemContainer()
-mbs = system.AddSystem()
-t = now = {t!r}
-ground = mbs.AddObject(ObjectGround())
-still = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
-nodes, bodies = {{}}, {{"ground": ground}}
-{bodies}
-
-def point(body, x, y):
-    return mbs.AddMarker(MarkerBodyPosition(bodyNumber=bodies[body], localPosition=[x, y, 0]))
-
-
-def frame(body, x, y):
-    return mbs.AddMarker(MarkerBodyRigid(bodyNumber=bodies[body], localPosition=[x, y, 0]))
-
-
-def angle(body):
-    return mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nodes[body], coordinate=2)) if body in nodes else still
-
-
-def along(body_i, p, axis, body_j, q):
-    return mbs.AddMarker(
-        MarkerBodiesRelativeTranslationCoordinate(
-            bodyNumbers=[bodies[body_i], bodies[body_j]],
-            localPosition0=[*p, 0],
-            localPosition1=[*q, 0],
-            axis0=[*axis, 0],
-        )
-    )
-
-
-def driven(markers, law):
-    value = lambda mbs, time, number, offset: law(now)
-    mbs.AddObject(CoordinateConstraint(markerNumbers=markers, offsetUserFunction=value))
-
-
-cylinders, turned = [], []
-'''
-BODIES = """for name, estimate in {estimates}:
-    nodes[name] = mbs.AddNode(NodeRigidBody2D(initialCoordinates=estimate))
-    bodies[name] = mbs.AddObject(ObjectRigidBody2D(nodeNumber=nodes[name], physicsMass=0, physicsInertia=0))
-"""
-SPATIAL_BODIES = '''still_at = [0, 0, 0, 1, 0, 0, 0]
-for name, estimate in {estimates}:  # x, y, z, Euler parameters: exudyn's coordinates are what is beyond its reference
-    beyond = [x - at for x, at in zip(estimate, still_at)]
-    nodes[name] = mbs.AddNode(NodeRigidBodyEP(referenceCoordinates=still_at, initialCoordinates=beyond))
-    bodies[name] = mbs.AddObject(ObjectRigidBody(nodeNumber=nodes[name], physicsMass=0, physicsInertia=[0] * 6))
-
-
-def place(body, x, y, z):
-    return mbs.AddMarker(MarkerBodyRigid(bodyNumber=bodies[body], localPosition=[x, y, z]))
-
-
-def hold(i, j, axes, frame_i, frame_j):
-    """Hold translations along and rotations about axes of the frame on i; columns of frames are their axes."""
-    markers = {{"markerNumbers": [i, j], "rotationMarker0": frame_i, "rotationMarker1": frame_j}}
-    return mbs.AddObject(ObjectJointGeneric(**markers, constrainedAxes=axes))
-
-
-def about_z(frame, angle):
-    """Turn the frame's first two columns about the third."""
-    c, s = cos(angle), sin(angle)
-    return [[f * c + g * s, g * c - f * s, h] for f, g, h in frame]
-
-'''
-TAIL = """
-mbs.Assemble()
-settings = exu.SimulationSettings()
-settings.solution.file.write = False
-settings.staticSolver.newton.relativeTolerance = 0
-settings.staticSolver.newton.absoluteTolerance = {tolerance!r}
-{redundant}poses = []
-for now in {times}:
-    for rod, law in cylinders:
-        mbs.SetObjectParameter(rod, "distance", law(now))
-    for joint, frame, law in turned:
-        mbs.SetObjectParameter(joint, "rotationMarker0", about_z(frame, law(now)))
-    try:
-        mbs.SolveStatic(settings, updateInitialValues=True)
-    except Exception:
-        break
-    beyond = [mbs.GetNodeOutput(n, exu.OutputVariableType.Coordinates).tolist() for n in nodes.values()]
-    poses.append([[x + at for x, at in zip(q, {still})] for q in beyond])
-rows = poses + [[[None] * {width}] * len(nodes)] * ({count} - len(poses))
-answer = {{name: {{"q": [row[k] for row in rows]}} for k, name in enumerate(nodes)}}
-print(json.dumps({{"problems": {{{name!r}: {{"bodies": answer}}}}}}))
-"""
 SLACK = 1e-12
 """Norm of the residual at which Newton's method stops, relative to the size of the mechanism."""
 
@@ -118,38 +25,29 @@ SLACK = 1e-12
 def to_exudyn(scene: Scene, title: str) -> str:
     """Return the text of the script."""
     mechanism, kind = scene.mechanism, scene.mechanism.kind
-    estimates = [(body.name, list(body.estimate or kind.still)) for body in mechanism.bodies]
-    lines = [
-        line for e in joints.elements_of(mechanism.constraints) for line in (f"# {e.name}: {e.kind}", ADD[type(e)](e))
-    ]
-    surplus = sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies)
-    bodies = (BODIES if kind is joints.PLANE else SPATIAL_BODIES).format(estimates=estimates)
-    head = HEAD.format(title=f"{scene.name}: {title}", t=scene.times[0], bodies=bodies)
-    tail = TAIL.format(
-        tolerance=SLACK * mechanism.size(),
-        redundant=REDUNDANT if surplus else "",
+    text = files("crosscheck.problems").joinpath("exudyn_model.py.j2").read_text(encoding="utf-8")
+    template = Template(text, trim_blocks=True, keep_trailing_newline=True, undefined=StrictUndefined)
+    return template.render(
+        title=f"{scene.name}: {title}",
+        name=repr(scene.name),
         times=list(scene.times),
-        count=len(scene.times),
-        width=kind.width,
+        dimension=kind.dimension,
+        estimates=[(body.name, list(body.estimate or kind.still)) for body in mechanism.bodies],
+        lines=[(e, ADD[type(e)](e)) for e in joints.elements_of(mechanism.constraints)],
+        tolerance=SLACK * mechanism.size(),
+        redundant=sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies),
         still=[int(x) for x in kind.still],
-        name=scene.name,
     )
-    return head + "\n".join(lines) + "\n" + tail
-
-
-REDUNDANT = """settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-settings.linearSolver.ignoreSingularJacobian = True
-"""
 
 
 def _coincide(e: joints.PointsCoincide) -> str:
     if e.laws:
         raise CannotRun(f"{e.name}: no script for points kept apart by laws")
-    return f"mbs.AddObject(RevoluteJoint2D(markerNumbers=[{_point(e, 'i')}, {_point(e, 'j')}]))"
+    return f"mbs.AddObject(RevoluteJoint2D(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]))"
 
 
 def _guided(e: joints.GuidedPoint) -> str:
-    x, y = _direction(e.axis_i)
+    x, y = direction(e.axis_i)
     line = (e.body_i, e.point_i[0] - y * e.offset, e.point_i[1] + x * e.offset)
     markers = f"frame{(e.body_j, *e.point_j)!r}, frame{line!r}"
     normal = f"axisMarker0=[1, 0, 0], normalMarker1={[-y, x, 0.0]}, constrainRotation=False"
@@ -157,9 +55,8 @@ def _guided(e: joints.GuidedPoint) -> str:
 
 
 def _distance(e: joints.PointDistance | joints.SpatialPointDistance) -> str:
-    marker = _point if isinstance(e, joints.PointDistance) else _place
     distance = f"({_law(e)})(now)" if e.laws else repr(e.length)
-    rod = f"mbs.AddObject(DistanceConstraint(markerNumbers=[{marker(e, 'i')}, {marker(e, 'j')}], distance={distance}))"
+    rod = f"mbs.AddObject(DistanceConstraint(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}], distance={distance}))"
     return f"cylinders.append(({rod}, {_law(e)}))" if e.laws else rod
 
 
@@ -185,7 +82,7 @@ def _wheels(e: joints.RollingWheels) -> str:
 def _rack(e: joints.RollingOnLine) -> str:
     if e.body_i != joints.GROUND:
         raise CannotRun(f"{e.name}: no script for a rack that moves")
-    axis = list(_direction(e.axis_i))
+    axis = list(direction(e.axis_i))
     travel = f"along('ground', {list(e.point_i)}, {axis}, {e.body_j!r}, {list(e.point_j)})"
     numbers = f"factorValue1={e.radius!r}, offset={e.radius * e.phi0 - e.s0!r}"  # R phi_j - s = R phi0 - s0
     return f"mbs.AddObject(CoordinateConstraint(markerNumbers=[{travel}, angle({e.body_j!r})], {numbers}))"
@@ -222,8 +119,9 @@ def _turned(e: Any) -> str:
 
 
 def _place(e: Any, side: str) -> str:
-    """Return a marker on a body of space, at the element's point or, where it has none, at the origin."""
-    return f"place{(getattr(e, f'body_{side}'), *getattr(e, f'point_{side}', (0.0, 0.0, 0.0)))!r}"
+    """Return a marker on a body at the element's point or, where it has none, at the origin of a body of space."""
+    point = getattr(e, f"point_{side}", (0.0, 0.0, 0.0))
+    return f"{'point' if len(point) == 2 else 'place'}{(getattr(e, f'body_{side}'), *point)!r}"
 
 
 def _frame(e: Any, side: str, columns: str) -> str:
@@ -235,14 +133,5 @@ def _frame(e: Any, side: str, columns: str) -> str:
     return str(own[:, ["fgh".index(column) for column in columns]].tolist())
 
 
-def _point(e: Any, side: str) -> str:
-    return f"point{(getattr(e, f'body_{side}'), *getattr(e, f'point_{side}'))!r}"
-
-
 def _law(e: joints.Element) -> str:
     return f"lambda t: {formula(e.laws[0])}"
-
-
-def _direction(axis: joints.Pair) -> joints.Pair:
-    length = math.hypot(*axis)
-    return axis[0] / length, axis[1] / length

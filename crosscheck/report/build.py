@@ -21,8 +21,14 @@ from crosscheck.judge.prices import STEPS
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.night.plan import engines_option, replace_file
 from crosscheck.report import front, wording
-from crosscheck.report.figures import digits_figure, looks_of, newton_figure
-from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
+from crosscheck.report.figures import (
+    agreement_matrices,
+    digits_figure,
+    looks_of,
+    newton_figure,
+    slopes_figure,
+    trends_figure,
+)
 from crosscheck.report.front import first_pose, spoken, spoken_moving
 from crosscheck.report.prices import cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.summary import Summary

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from itertools import accumulate
 from typing import Any
 
 from markupsafe import Markup
@@ -12,9 +13,9 @@ from markupsafe import Markup
 from crosscheck.judge.prices import STEPS, EffectRow, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
-from crosscheck.report.figures_more import effects_bars
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, power_of_ten, style, swatch
-from crosscheck.report.wording import number
+from crosscheck.report.wording import filled, number
+from crosscheck.scenes.names import PHYSICAL
 
 Row = Mapping[str, Any]
 SHIPPED = "shipped"
@@ -182,6 +183,64 @@ def iterations_of_notes(rows: Sequence[Row]) -> Figure:
         at = [(int(row["iteration"]), max(0.0, row["digits"])) for row in counted if row["quantity"] == quantity]
         plot.series(at, look)
     return Figure((plot.markup(),), legend, ("iterations", "quantity", "digits"), lines)
+
+
+POSITION = "position"
+CALLED_FOR = (POSITION, "velocity", "acceleration", "points", "condition", "certificate", "other bodies")
+"""What a scene may call for, in the order of its colours; what it never does has them in the order of `PHYSICAL`."""
+OPACITIES = ("1", "0.55", "0.2")
+"""Of what a scene may call for, of what it never does, and of that again when the colours are used up."""
+LEFT, ROOM = 178, 554
+"""The room for the name of a bar, and for the longest bar [pixels]."""
+Part = tuple[str, float, bool]
+
+
+def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
+    """Return per engine and method the parts of its bar: effect, microseconds, and whether a scene may call for it.
+
+    The first is position alone. What is noise is no part of a bar.
+    """
+    bars: dict[tuple[str, str], list[Part]] = {}
+    for row in rows:
+        if row.microseconds is None or row.without is None:
+            continue
+        of_method = bars.setdefault((row.engine, row.method), [])
+        if not of_method:
+            of_method.append((POSITION, row.without, True))
+        if not row.within_noise:
+            of_method.append((row.effect, row.microseconds, row.called_for))
+    return bars
+
+
+def effects_bars(rows: Sequence[EffectRow]) -> Markup:
+    """Return the stacked bars of a ledger as SVG; each part carries its name and its price as a title."""
+    bars = parts(rows)
+    longest = max((sum(cost for _, cost, _ in bar) for bar in bars.values()), default=1.0)
+    step = _step(longest)
+    top = step * math.ceil(longest / step)
+    names = {effect: called_for for bar in bars.values() for effect, _, called_for in bar}
+
+    def px(x: float) -> float:
+        return LEFT + x / top * ROOM
+
+    ends = [[px(x) for x in accumulate((cost for _, cost, _ in bar), initial=0.0)] for bar in bars.values()]
+    ticks = [(px(step * k), f"{step * k:g}") for k in range(round(top / step) + 1)]
+    known: Any = {"bars": bars, "ends": ends, "names": names, "ticks": ticks, "left": LEFT, "look": look}
+    return Markup(filled("bars.html.j2", **known))
+
+
+def look(effect: str) -> tuple[str, str]:
+    """Return colour and opacity of an effect, the same in every figure; those that nobody knows share one."""
+    if effect in CALLED_FOR:
+        return COLOURS[CALLED_FOR.index(effect)], OPACITIES[0]
+    again, k = divmod(PHYSICAL.index(effect) if effect in PHYSICAL else len(PHYSICAL), len(COLOURS))
+    return COLOURS[k], OPACITIES[1 + again]
+
+
+def _step(longest: float) -> float:
+    """Return the distance of ticks: 1, 2 or 5 times a power of ten, at most six of them."""
+    power = 10.0 ** math.floor(math.log10(longest / 6)) if longest > 0 else 1.0
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * 6 >= longest)
 
 
 def effects_figure(rows: Sequence[Row]) -> Figure:

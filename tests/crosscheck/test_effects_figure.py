@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from crosscheck.judge.prices import EffectRow
-from crosscheck.report.figures_more import CALLED_FOR, effects_bars, look, parts
+from crosscheck.report.prices import CALLED_FOR, effects_bars, look, parts
 from crosscheck.scenes.names import PHYSICAL
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.prices import EffectRow
-from crosscheck.report.figures import digits_figure, newton_figure
-from crosscheck.report.figures_more import effects_bars, slopes_figure, trends_figure
-from crosscheck.report.prices import iterations_of_notes, price_figure
+from crosscheck.report.figures import digits_figure, newton_figure, slopes_figure, trends_figure
+from crosscheck.report.prices import effects_bars, iterations_of_notes, price_figure
 from crosscheck.report.svg import SUPERSCRIPTS
 from crosscheck.scenes.names import QUANTITIES
 
