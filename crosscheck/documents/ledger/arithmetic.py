@@ -8,8 +8,7 @@ what rounding makes of it in binary64: so the error that is allowed there is der
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from crosscheck.documents.systems import SquareSystem
 from refkin.newton import NewtonStatus, newton
+from refkin.proof.pose.krawczyk import objects
 
 MOST_STEPS = 60
 """Newton steps until a root is given up: enough to halve an error from 1 to below 2^-53."""
@@ -87,11 +87,9 @@ class Balls:
     def __init__(self, bits: int) -> None:
         self.bits, self.name = bits, f"balls of {bits} bits"
 
-    @contextmanager
-    def at_precision(self) -> Iterator[None]:
-        """Compute with the bits of these balls."""
-        with ctx.workprec(self.bits):
-            yield
+    def at_precision(self) -> Any:
+        """Return a context manager: within, one computes with the bits of these balls."""
+        return ctx.workprec(self.bits)
 
     @property
     def pi(self) -> Any:
@@ -102,7 +100,7 @@ class Balls:
 
     def vector(self, texts: Any) -> Any:
         """Return numbers as an array of objects."""
-        return _objects([self(t) for t in texts])
+        return objects([self(t) for t in texts])
 
     def arcsin(self, x: Any) -> Any:
         return arb(x).asin()
@@ -112,14 +110,14 @@ class Balls:
         return arb.atan2(arb(y), arb(x))
 
     def solve(self, matrix: Any, right: Any) -> Any:
-        return _objects(_matrix(matrix).solve(_column(right)).entries())
+        return objects(_matrix(matrix).solve(_column(right)).entries())
 
     def det(self, matrix: Any) -> Any:
         return _matrix(matrix).det()
 
     def newton(self, system: SquareSystem, q0: Any, steps: int) -> History:
         """Return exactly so many Newton steps, each enclosed; the balls widen from step to step."""
-        q = _objects([arb(x) for x in q0])
+        q = objects([arb(x) for x in q0])
         history = History([q], [system.phi(q)], [system.phi_q(q)], [])
         for _ in range(steps):
             history.corrections.append(-self.solve(history.slopes[-1], history.residuals[-1]))
@@ -131,31 +129,26 @@ class Balls:
 
     def root(self, system: SquareSystem, q0: Any) -> Any:
         """Return balls that hold exactly one root, the one that Newton finds from q0."""
-        middle = self._approximated(system, q0)
+        middle = objects([arb(x).mid() for x in q0])
+        for _ in range(MOST_STEPS):
+            correction = self.solve(system.phi_q(middle), system.phi(middle))
+            middle = objects([(a - c).mid() for a, c in zip(middle, correction, strict=True)])
+            small = arb(2) ** (GUARD // 2 - self.bits)
+            if all(abs(c) < small * (1 + abs(x)) for c, x in zip(correction, middle, strict=True)):
+                break
         for bits in range(self.bits - GUARD, self.bits // 2, -GUARD // 2):
             width = arb(2) ** -bits
-            enclosure = self._proved(system, middle, _objects([arb(0, width * (1 + abs(x))) for x in middle]))
+            enclosure = self._proved(system, middle, objects([arb(0, width * (1 + abs(x))) for x in middle]))
             if enclosure is not None:
                 return enclosure
         raise NoRoot(f"no root is proved near {[float(x) for x in middle]}")
-
-    def _approximated(self, system: SquareSystem, q0: Any) -> Any:
-        q = _objects([arb(x).mid() for x in q0])
-        for _ in range(MOST_STEPS):
-            correction = self.solve(system.phi_q(q), system.phi(q))
-            q = _objects([(a - c).mid() for a, c in zip(q, correction, strict=True)])
-            if all(
-                abs(c) < arb(2) ** (GUARD // 2 - self.bits) * (1 + abs(x)) for c, x in zip(correction, q, strict=True)
-            ):
-                break
-        return q
 
     def proves(self, system: SquareSystem, q: Any, widths: Any) -> bool:
         """Return whether a box of these half-widths around q is proved to hold exactly one root.
 
         Numbers of the system that are balls may be wide: then there is one for each value in them.
         """
-        return self._proved(system, _objects([x.mid() for x in q]), _objects([arb(0, w) for w in widths])) is not None
+        return self._proved(system, objects([x.mid() for x in q]), objects([arb(0, w) for w in widths])) is not None
 
     def _proved(self, system: SquareSystem, middle: Any, widths: Any) -> Any:
         """Return Krawczyk's image of middle + widths if it lies inside, which proves one root in it; else None."""
@@ -167,7 +160,7 @@ class Balls:
         )
         if not all(w.contains_interior(x) for w, x in zip(widths, image.entries(), strict=True)):
             return None
-        return middle + _objects(image.entries())
+        return middle + objects(image.entries())
 
 
 Arithmetic = Binary64 | Balls
@@ -176,12 +169,6 @@ Arithmetic = Binary64 | Balls
 def never(residual: Any, correction: Any, q: Any) -> bool:
     """Go on to the cap: the stopping test of a for loop."""
     return False
-
-
-def _objects(entries: Any) -> Any:
-    out = np.empty(len(entries), object)
-    out[:] = list(entries)
-    return out
 
 
 def _matrix(matrix: Any) -> Any:

@@ -50,7 +50,7 @@ def computed(row: LedgerRow) -> tuple[Sources, dict[str, Any]]:
             else:
                 radii = {path: x.rad() for path, x in values.items() if isinstance(x, arb)}
     for name in row.also:
-        sources[name.partition(":")[2].partition("_")[0]] = _flat(_function(name)(row.inputs))
+        sources[name.partition(":")[2].partition("_")[0]] = _flat(_function(name)(Binary64(), row.inputs))
     return sources, radii
 
 

@@ -122,7 +122,7 @@ def a6(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_a6(given: Given) -> Values:
+def refkin_a6(n: Binary64, given: Given) -> Values:
     """The same pose in absolute coordinates, with bodies and joints."""
     system = compile_system(me451.problem_356_mechanism(float(given["ground"]), float(given["link"])))
     return {"root": absolute_356(system, 0.0)}
@@ -245,7 +245,7 @@ def a11(n: Arithmetic, given: Given) -> Values:
     return {"qd": qd, "qdd": qdd}
 
 
-def refkin_a11(given: Given) -> Values:
+def refkin_a11(n: Binary64, given: Given) -> Values:
     """The same rates with bodies and joints."""
     system = compile_system(me451.problem_356_mechanism())
     reduced = absolute_356(system, 0.0)

@@ -78,14 +78,14 @@ def c4(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def loops_c4(given: Given) -> Values:
+def loops_c4(n: Binary64, given: Given) -> Values:
     """The limit with the loop as vectors."""
     r1, r2, r3, r4 = (float(r) for r in given["r"])
     system = loops.four_bar(r1, r2, r3, r4, math.radians(float(given["theta2"])))
-    return {"limit": list(np.degrees(vector_loop.close(system, estimate(Binary64())).q))}
+    return {"limit": list(np.degrees(vector_loop.close(system, estimate(n)).q))}
 
 
-def refkin_c4(given: Given) -> Values:
+def refkin_c4(n: Binary64, given: Given) -> Values:
     """The limit in absolute coordinates."""
     pose = _linkage(given).assemble(math.radians(float(given["theta2"])))
     return {"limit": [math.degrees(pose["coupler"][2]), math.degrees(pose["rocker"][2])]}
@@ -104,7 +104,7 @@ def c5(n: Arithmetic, given: Given) -> Values:
     return {"det": n.det(system.phi_q(q)), "gamma": angle * 180 / n.pi, "-r3 r4 sin(gamma)": -r3 * r4 * np.sin(angle)}
 
 
-def refkin_c5(given: Given) -> Values:
+def refkin_c5(n: Binary64, given: Given) -> Values:
     """The transmission angle of the linkage."""
     return {"gamma": math.degrees(_linkage(given).transmission_angle(math.radians(float(given["theta2"]))))}
 
@@ -131,7 +131,7 @@ def c7(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_c7(given: Given) -> Values:
+def refkin_c7(n: Binary64, given: Given) -> Values:
     """Class, range and crossed assembly of the linkage."""
     linkage = _linkage(given)
     pose = linkage.assemble(math.radians(float(given["theta2"])), "crossed")
@@ -156,9 +156,8 @@ def c8(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_c8(given: Given) -> Values:
+def refkin_c8(n: Binary64, given: Given) -> Values:
     """The same quotients by `refkin.differences.jacobian`."""
-    n = Binary64()
     system = four_bar(n, given)
     quotients = jacobian(system.phi, estimate(n), Scheme.FORWARD, float(given["step"]))
     return {"J": quotients.tolist(), "error": (quotients - system.phi_q(estimate(n))).tolist()}
@@ -169,9 +168,9 @@ def c9(n: Arithmetic, given: Given) -> Values:
     return {"error": c8(n, given)["error"]}
 
 
-def refkin_c9(given: Given) -> Values:
+def refkin_c9(n: Binary64, given: Given) -> Values:
     """The same by `refkin.differences.jacobian`."""
-    return {"error": refkin_c8(given)["error"]}
+    return {"error": refkin_c8(n, given)["error"]}
 
 
 def c10(n: Arithmetic, given: Given) -> Values:
@@ -201,9 +200,9 @@ def c11(n: Arithmetic, given: Given) -> Values:
     return {"J": values["J"], "second column without the reset": list(kept)}
 
 
-def refkin_c11(given: Given) -> Values:
+def refkin_c11(n: Binary64, given: Given) -> Values:
     """By `refkin.differences.jacobian`, which resets each coordinate."""
-    return {"J": refkin_c8(given)["J"]}
+    return {"J": refkin_c8(n, given)["J"]}
 
 
 def c12(n: Arithmetic, given: Given) -> Values:

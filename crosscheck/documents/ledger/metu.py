@@ -108,9 +108,8 @@ def b2(n: Arithmetic, given: Given) -> Values:
     return values
 
 
-def loops_b2(given: Given) -> Values:
+def loops_b2(n: Binary64, given: Given) -> Values:
     """The same iteration with the loops as vectors, in real and in complex form."""
-    n = Binary64()
     m, pose, start = coupled(n, given)
     system = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
     runs = [vector_loop.close(system, start, complex_form=form) for form in (False, True)]
@@ -174,9 +173,8 @@ def b5(n: Arithmetic, given: Given) -> Values:
     return values
 
 
-def loops_b5(given: Given) -> Values:
+def loops_b5(n: Binary64, given: Given) -> Values:
     """The same with the loops as vectors, and over the whole cycle."""
-    n = Binary64()
     start, at = guess(n, given), math.radians(float(given["theta12"]))
     values: Values = {}
     for name in ("R1", "R2"):
@@ -221,7 +219,7 @@ def _assembly(q: Any) -> str:
     return "open" if math.sin(q[1] - q[0]) > 0 else "crossed"
 
 
-def refkin_b4(given: Given) -> Values:
+def refkin_b4(n: Binary64, given: Given) -> Values:
     """A sweep over the same coarse times changes its step, and not the assembly."""
     linkage = FourBar(*(float(r) for r in given["r"]))
     samples = 360 // int(given["coarse step"]) + 1
@@ -234,9 +232,9 @@ def _largest(x: Any) -> Any:
     return max(abs(v) for v in x)
 
 
-def scan_b5(given: Given) -> Values:
+def scan_b5(n: Binary64, given: Given) -> Values:
     """Of all readings of the lost figure: those within 45 degrees of the guess, and of them those that turn fully."""
-    n, near, turning = Binary64(), [], []
+    near, turning = [], []
     start, at = guess(n, given), float(given["theta12"])
     for reading in READINGS:
         try:
@@ -292,8 +290,7 @@ def b7(n: Arithmetic, given: Given) -> Values:
     return values
 
 
-def loops_b7(given: Given) -> Values:
+def loops_b7(n: Binary64, given: Given) -> Values:
     """The same root by minimising the sum of squared closure errors of the loops as vectors."""
-    n = Binary64()
     minimum = vector_loop.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
     return {"R1": [*np.degrees(minimum.q[:3]), minimum.q[3]], "status": minimum.status.name}

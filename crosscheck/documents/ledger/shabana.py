@@ -46,7 +46,7 @@ def d3(n: Arithmetic, given: Given) -> Values:
     return {"s + l": ground + crank, "p + q": coupler + rocker}
 
 
-def refkin_d3(given: Given) -> Values:
+def refkin_d3(n: Binary64, given: Given) -> Values:
     """Class and range of a linkage at its change point."""
     linkage = FourBar(*(float(x) for x in given["lengths"]))
     farthest = linkage.closure_margin(math.pi)
@@ -74,7 +74,7 @@ def d4(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_d4(given: Given) -> Values:
+def refkin_d4(n: Binary64, given: Given) -> Values:
     """Both assemblies of the linkage."""
     linkage = SliderCrank(*(float(given[key]) for key in ("l2", "l3", "h")))
     at = math.radians(float(given["theta2"]))
@@ -97,24 +97,25 @@ def d5(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def loops_d5(given: Given) -> Values:
+def _driven(n: Arithmetic, given: Given) -> Polynomial:
+    """Return the law of a row's theta2: at t = 0 it has the angle, rate and acceleration that are given."""
+    rate, second = numbers(n, given, "theta2'", "theta2''")
+    return Polynomial(coefficients=(math.radians(float(given["theta2"])), rate, second / 2))
+
+
+def loops_d5(n: Binary64, given: Given) -> Values:
     """The same rates from the differentiated loop."""
-    n = Binary64()
-    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
-    law = Polynomial(coefficients=(at, rate, second / 2))
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
-    system = loops.slider_crank(l2, l3, h, law)
+    system = loops.slider_crank(l2, l3, h, _driven(n, given))
     q = vector_loop.close(system, [0.0, 0.4]).q
     qd = system.velocity(q, 0.0)
     return {"theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 
 
-def refkin_d5(given: Given) -> Values:
+def refkin_d5(n: Binary64, given: Given) -> Values:
     """The same rates in absolute coordinates."""
-    n = Binary64()
     linkage = SliderCrank(*numbers(n, given, "l2", "l3", "h"))
-    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
-    system, _, qd, qdd = driven_at_0(linkage, at, rate, second / 2)
+    system, _, qd, qdd = driven_at_0(linkage, *_driven(n, given).coefficients)
     wanted = [system.columns("connecting_rod").start + 2, system.columns("slider").start]
     return {"theta3', x'": qd[wanted], "theta3'', x''": qdd[wanted]}
 
@@ -164,24 +165,19 @@ def turned(angle: Any, quarters: int) -> Any:
     return np.array([-s, c]) if quarters else np.array([c, s])
 
 
-def loops_d7(given: Given) -> Values:
+def loops_d7(n: Binary64, given: Given) -> Values:
     """The same rates from the differentiated loop."""
-    n = Binary64()
-    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
-    law = Polynomial(coefficients=(at, rate, second / 2))
     l1, l2 = numbers(n, given, "l1", "l2")
-    system = loops.inverted_slider_crank(l1, l2, 0.0, law)
+    system = loops.inverted_slider_crank(l1, l2, 0.0, _driven(n, given))
     q = vector_loop.close(system, n.vector(given["estimate"])).q
     qd = system.velocity(q, 0.0)
     return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 
 
-def refkin_d7(given: Given) -> Values:
+def refkin_d7(n: Binary64, given: Given) -> Values:
     """The rod as a body that the crank's pin guides, and how the pin, where the block is, moves along it."""
-    n = Binary64()
     linkage = InvertedSliderCrank(*numbers(n, given, "l1", "l2"))
-    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
-    system, *levels = driven_at_0(linkage, at, rate, second / 2)
+    system, *levels = driven_at_0(linkage, *_driven(n, given).coefficients)
     crank, rod = (system.columns(body) for body in ("crank", "lever"))
     block = point_motion((linkage.crank / 2, 0.0), *(level[crank] for level in levels))
     theta3, w3, alpha3 = (level[rod][2] for level in levels)
@@ -204,9 +200,8 @@ def d8(n: Arithmetic, given: Given) -> Values:
     return {"R2', R3'": velocity_, "R2'', R3''": acceleration_, "C_t": [0, 0, 0, 0, 0, 0, 0, -w2, -w3]}
 
 
-def refkin_d8(given: Given) -> Values:
+def refkin_d8(n: Binary64, given: Given) -> Values:
     """The same arm with bodies and joints, its link 1 a body that is fixed to the ground."""
-    n = Binary64()
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
     theta2, theta3 = radians(n, given, "theta2", "theta3")
     system = compile_system(two_link(l2, l3, (theta2, w2), (theta3, w3)))
@@ -236,7 +231,7 @@ def two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[flo
     return Mechanism(tuple(Body(name=name) for name in "123"), joints, drivers)
 
 
-def refkin_d9(given: Given) -> Values:
+def refkin_d9(n: Binary64, given: Given) -> Values:
     """Linear constraints of which one stands twice: determinant and rank with bodies and drivers."""
     still = Polynomial(coefficients=(0.0,))
     drivers = (

@@ -46,9 +46,8 @@ def d1(n: Arithmetic, given: Given) -> Values:
     return {"coordinates": 3 * int(given["bodies"]), "equations": sum(int(rows) for rows in given["rows"])}
 
 
-def refkin_d1(given: Given) -> Values:
+def refkin_d1(n: Binary64, given: Given) -> Values:
     """Count and rank of the linkage."""
-    n = Binary64()
     linkage = SliderCrank(crank=0.2, rod=0.35)
     whole = linkage.mechanism(linkage.driver(Polynomial(coefficients=(1.0,))))
     at = pose(0.2, 0.35, 1.0, theta3_at(n, 0.2, 0.35, 1.0)).astype(float)
@@ -66,7 +65,7 @@ def d2(n: Arithmetic, given: Given) -> Values:
     return {"coordinates": 6 * int(given["bodies"]), "equations": sum(int(rows) for rows in given["rows"])}
 
 
-def refkin_d2(given: Given) -> Values:
+def refkin_d2(n: Binary64, given: Given) -> Values:
     """The count by kinds of joints, with the spin that moves nothing else; and the rank at a pose of one."""
     counted = gruebler(JOINTS_OF_RSSR, "spatial")
     linkage = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(1.0, 0.0, 0.25))
@@ -97,9 +96,8 @@ def d20(n: Arithmetic, given: Given) -> Values:
     return {name: norm(n, n.vector(given[name])) for name in ("C(q1)", "dq1")}
 
 
-def refkin_d20(given: Given) -> Values:
+def refkin_d20(n: Binary64, given: Given) -> Values:
     """`ScaledNorms` stops just above these norms, and not just below."""
-    n = Binary64()
     residual, correction = n.vector(given["C(q1)"]), n.vector(given["dq1"])
     big = np.ones(3)
     return {
@@ -117,9 +115,8 @@ def d21(n: Arithmetic, given: Given) -> Values:
     return {"polynomial": whole, "sinusoid": initial + a / w * (np.cos(p) - np.cos(w * t + p)), "spline": whole}
 
 
-def refkin_d21(given: Given) -> Values:
+def refkin_d21(n: Binary64, given: Given) -> Values:
     """The laws that drivers follow."""
-    n = Binary64()
     t, initial = n(given["t"]), n(given["initial"])
     amplitude, frequency, phase = numbers(n, given, "amplitude", "frequency", "phase")
     cubic = Polynomial(coefficients=tuple(n(c) for c in given["cubic"]))
@@ -164,9 +161,8 @@ def _velocities(axis_j: Triple, at_j: Triple, touched: Triple) -> Any:
     return np.array([motion.points[body].v[:, 0] for body in places])  # type: ignore[index]
 
 
-def refkin_d22(given: Given) -> Values:
+def refkin_d22(n: Binary64, given: Given) -> Values:
     """The same with gear and rack as joints; bevel and helical ones by velocities where two bodies of space touch."""
-    n = Binary64()
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
     cone_i, cone_j, helix_i, helix_j = numbers(n, given, "cone_i", "cone_j", "helix_i", "helix_j")
     origin = (0.0, 0.0)
@@ -226,9 +222,8 @@ def d23(n: Arithmetic, given: Given) -> Values:
     return {"velocity": list(velocity @ s), "acceleration": list(bent @ s)}
 
 
-def refkin_d23(given: Given) -> Values:
+def refkin_d23(n: Binary64, given: Given) -> Values:
     """V + omega x s and a + alpha x s + omega x (omega x s), with the rates of the body that two joints carry."""
-    n = Binary64()
     (w, u), (a, b), t = n.vector(given["rates"]), n.vector(given["first"]), float(n(given["t"]))
     axles = (
         _axle("outer", GROUND, "frame", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -250,7 +245,7 @@ def refkin_d23(given: Given) -> Values:
     return {"velocity": list(map(float, by_formula[0])), "acceleration": list(map(float, by_formula[1]))}
 
 
-def refkin_d24(given: Given) -> Values:
+def refkin_d24(n: Binary64, given: Given) -> Values:
     """Mobility 0, three pins between two links and the ground: the count, and what it is called."""
     counted = gruebler([tuple(joint) for joint in given["joints"]])
     return {"mobility": counted.mobility, "name": counted.kind}

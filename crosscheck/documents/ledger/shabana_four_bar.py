@@ -113,9 +113,8 @@ def _fewest(n: Arithmetic, levels: Any, truth: Any) -> int:
     return math.floor(-math.log10(worst))
 
 
-def refkin_d12(given: Given) -> Values:
+def refkin_d12(n: Binary64, given: Given) -> Values:
     """Pose and rates in absolute coordinates; the notes' rocker points the other way."""
-    n = Binary64()
     linkage = FourBar(*(float(x) for x in given["l"]))
     at, omega = math.radians(float(given["theta2"])), float(given["omega"])
     _, q, qd, qdd = driven_at_0(linkage, at, omega)
@@ -145,7 +144,7 @@ def d14(n: Arithmetic, given: Given) -> Values:
     return {"theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]], "s + l": l2 + l1, "p + q": l3 + l4}
 
 
-def refkin_d14(given: Given) -> Values:
+def refkin_d14(n: Binary64, given: Given) -> Values:
     """The other assembly of the linkage; the notes' rocker points the other way."""
     linkage = FourBar(*(float(x) for x in given["l"]))
     pose = linkage.assemble(math.radians(float(given["theta2"])), "crossed")

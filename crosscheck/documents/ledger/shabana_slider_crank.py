@@ -64,9 +64,8 @@ def theta3_at(n: Arithmetic, l2: Any, l3: Any, theta2: Any) -> Any:
     return n.arcsin(-l2 * np.sin(theta2) / l3)
 
 
-def refkin_d15(given: Given) -> Values:
+def refkin_d15(n: Binary64, given: Given) -> Values:
     """The same rates with four bodies."""
-    n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     values: Values = {}
     for name, theta2 in (("0", 0.0), ("1", 1.0), ("pi", math.pi)):
@@ -101,9 +100,8 @@ def d16(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_d16(given: Given) -> Values:
+def refkin_d16(n: Binary64, given: Given) -> Values:
     """The same start with four bodies."""
-    n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     law = Sinusoid(offset=n(given["offset"]), amplitude=-n(given["share"]) * l2, angular_frequency=omega)
     system = compile_system(mechanism(l2, l3, law, slider_driven=True))
@@ -142,9 +140,8 @@ def d17(n: Arithmetic, given: Given) -> Values:
     return values
 
 
-def refkin_d17(given: Given) -> Values:
+def refkin_d17(n: Binary64, given: Given) -> Values:
     """The same ranks with four bodies."""
-    n = Binary64()
     l2, l3 = numbers(n, given, "l2", "l3")
     q = pose(l2, l3, 0.0, 0.0).astype(float)
     slopes = [
@@ -192,9 +189,8 @@ def d19(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def refkin_d19(given: Given) -> Values:
+def refkin_d19(n: Binary64, given: Given) -> Values:
     """The curves themselves, over a turn."""
-    n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     motion = solve(SliderCrank(crank=l2, rod=l3).scene(speed=omega, samples=721))
     rod, slider = motion["connecting_rod"], motion["slider"]
