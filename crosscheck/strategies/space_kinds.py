@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,7 +44,7 @@ from refkin.joints import (
 )
 from refkin.joints.spatial_vectors import SpatialValues
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import RSCR, Branch, Bricard, Stewart
+from refkin.scenes.linkages import RSCR, RSSR, Bennett, Branch, Bricard, Stewart
 
 TRIES = 4
 """How many rockers are drawn for one at which a limit or a fold is."""
@@ -64,18 +64,9 @@ def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
         span, length, room, there = drawn_coupler(draw, region, decades, _to_tip(circle))
         if there is region:
             break
-    tip = crank(span[0])
-    end = circle.at(np.array(circle.meets(tip, length, sign)))
-    bodies = {"crank": (np.zeros(3), turn(Z, span[0])), "rocker": (circle.centre, circle.frame)}
-    if whole:
-        bodies["coupler"] = coupler_frame((tip, end))
-
-    def joints(pose: Pose) -> None:
-        pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
-        link(pose, "crank", "rocker", (tip, end), "coupler", whole)
-        pose.add(SpatialRevolute, "R2", GROUND, "rocker", circle.centre, circle.frame[:, 2])
-
-    return Plan(bodies, joints, "R1", span, room, there)
+    centre, axis = (tuple(v.tolist()) for v in (circle.centre, circle.frame[:, 2]))
+    linkage = RSSR(1.0, length, circle.radius, centre, axis, massless=not whole)
+    return _assembled(linkage, span, sign, room, there)
 
 
 def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
@@ -126,29 +117,12 @@ def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
         beta = alpha + draw_power_of_ten(draw, NEARLY_ALIKE, "decade")
     else:
         beta = draw(st.floats(1.0, 1.5), label="second twist")
-    b, span = math.sin(beta) / math.sin(alpha), drawn_span(draw)
-    first = math.remainder(span[0], math.tau)
+    begin, end = drawn_span(draw)
+    first = math.remainder(begin, math.tau)
     if abs(math.sin(first)) < 0.125:  # not begun where all links lie in a line
-        span, first = (span[0] + 0.25, span[1] + 0.25), first + 0.25
-    other = 2.0 * math.atan(math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2) / math.tan(first / 2))
-    links = (("link 1", first, 1.0, alpha), ("link 2", other, b, beta), ("link 3", -first, 1.0, alpha))
-    at, bodies, axes = np.eye(4), dict[str, tuple[Array, Array]](), [(np.zeros(3), Z)]
-    for name, angle, length, twist in links:
-        a, r = turn(Z, angle), np.array([length * math.cos(angle), length * math.sin(angle), 0.0])
-        step = np.eye(4)
-        step[:3, :3], step[:3, 3] = a @ turn(X, twist), r
-        at = at @ step
-        bodies[name] = (at[:3, 3].copy(), at[:3, :3].copy())
-        axes.append((at[:3, 3].copy(), at[:3, 2].copy()))
-    chain = (GROUND, "link 1", "link 2", "link 3", GROUND)
-
-    def joints(pose: Pose) -> None:
-        zero = {"zero_i": X, "zero_j": np.array([math.cos(first), math.sin(first), 0.0])}
-        for k, (point, axis) in enumerate(axes):
-            pose.add(SpatialRevolute, f"R{k + 1}", chain[k], chain[k + 1], point, axis, **(zero if k == 0 else {}))
-
-    moved = span[0] - first
-    return Plan(bodies, joints, "R1", (first, span[1] - moved), abs(b - 1.0), region)
+        first += 0.25
+    room = abs(math.sin(beta) / math.sin(alpha) - 1.0)
+    return _assembled(Bennett(1.0, alpha, beta), (first, first + end - begin), sign, room, region)
 
 
 def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
@@ -268,10 +242,10 @@ def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     return Plan(bodies, joints, "R1", span, min(room, (high - low) / 2), region)
 
 
-def _of_linkage(linkage: Any, pose: Mapping[str, tuple[float, ...]]) -> tuple[dict[str, Any], Any]:
-    """Return the bodies of a linkage with lengths in cranks, and what adds its joints."""
+def _assembled(linkage: Any, span: tuple[float, float], sign: float, room: float, region: Region) -> Plan:
+    """Return the plan of a linkage with lengths in cranks, which begins with the first input of the span."""
     frames = {GROUND: (np.zeros(3), np.eye(3))}
-    for body, q in pose.items():
+    for body, q in linkage.assemble(span[0], Branch.OPEN if sign > 0 else Branch.CROSSED).items():
         frames[body] = (np.array(q[:3]), SpatialValues(*q).rotation())
 
     def joints(out: Pose) -> None:
@@ -281,9 +255,12 @@ def _of_linkage(linkage: Any, pose: Mapping[str, tuple[float, ...]]) -> tuple[di
             if hasattr(j, "axis_i"):
                 axis = a @ j.axis_i
                 more |= {"axis_j": a_j @ j.axis_j, "zero_i": a @ j.zero_i, "zero_j": a_j @ j.zero_j}
+            if hasattr(j, "length"):
+                more["length"] = out.size * j.length
             out.add(type(j), j.name, j.body_i, j.body_j, r + a @ j.point_i, axis, **more)
 
-    return {body: frame for body, frame in frames.items() if body != GROUND}, joints
+    bodies = {body: frame for body, frame in frames.items() if body != GROUND}
+    return Plan(bodies, joints, "R1", span, room, region)
 
 
 def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
@@ -297,9 +274,7 @@ def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 
     span, length, room, region = drawn_coupler(draw, region, decades, reach)
     centre, axis = (tuple(v.tolist()) for v in (circle.centre, circle.frame[:, 2]))
-    linkage = RSCR(1.0, length, circle.radius, centre, axis)
-    branch = Branch.OPEN if sign > 0 else Branch.CROSSED
-    return Plan(*_of_linkage(linkage, linkage.assemble(span[0], branch)), "R1", span, room, region)
+    return _assembled(RSCR(1.0, length, circle.radius, centre, axis), span, sign, room, region)
 
 
 def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
@@ -311,9 +286,7 @@ def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
     cosine = (c * c + s * s * np.cos(angles)) / np.hypot(s * s + (1 + c * c) * np.cos(angles), 2 * c * np.sin(angles))
     rooms = np.minimum.accumulate(1.0 - np.abs(cosine))
     last = max(int(np.sum(rooms > ROOM / 4)) - 1, 2)
-    branch = Branch.OPEN if sign > 0 else Branch.CROSSED
-    bodies, joints = _of_linkage(linkage, linkage.assemble(first, branch))
-    return Plan(bodies, joints, "R1", (first, float(angles[last])), float(rooms[last]), region)
+    return _assembled(linkage, (first, float(angles[last])), sign, float(rooms[last]), region)
 
 
 def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:

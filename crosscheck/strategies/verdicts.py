@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from hypothesis import assume
@@ -22,8 +21,6 @@ from crosscheck.strategies.scenes import Drawn, scenes_of
 from crosscheck.strategies.space_plans import Circle
 from crosscheck.strategies.spans import Binned, Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
-from refkin.joints.spatial_frames import parameters_of
-from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Member, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
@@ -63,7 +60,7 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
     times = tuple(np.linspace(0.0, 1.0, samples).tolist())
     name, branch = f"{kind}, {expected} in the end", Branch.OPEN if side > 0 else Branch.CROSSED
     if kind == "RSSR":
-        return Ended(_rssr(one, two, gap, size * GRID, side, begin, times, name), kind, branch, expected=expected)
+        return Ended(_rssr(one, two, gap, size * GRID, branch, begin, times, name), kind, branch, expected=expected)
     if kind == "four-bar":
         assume(a + two - gap > one)  # what is left for the rocker
         lengths = (a, one, a + two - gap - one, two)
@@ -83,7 +80,7 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
 
 
 def _rssr(
-    rocker: int, away: int, gap: int, unit: float, side: float, begin: float, times: tuple[float, ...], name: str
+    rocker: int, away: int, gap: int, unit: float, branch: Branch, begin: float, times: tuple[float, ...], name: str
 ) -> Scene:
     """Return an RSSR whose crank, about z, comes to 0, its tip `away` from the rocker's pivot and in its plane.
 
@@ -94,8 +91,6 @@ def _rssr(
     angles = np.linspace(-begin, 0.0, GRID_OF_SPAN)
     least, greatest = circle.reach(crank * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1))
     assume(np.all(least < 0.99 * coupler) and np.all(greatest[:-1] > greatest[-1]) and greatest[0] > coupler * 1.01)
-    tip = crank * np.array([math.cos(begin), -math.sin(begin), 0.0])
-    psi = circle.meets(tip, float(coupler), side)
     linkage = RSSR(
         crank=unit * crank,
         coupler=unit * coupler,
@@ -104,21 +99,10 @@ def _rssr(
         axis=(1.0, 0.0, 0.0),
         massless=True,
     )
-    turns = {"crank": (-begin, np.eye(3)), "rocker": (psi, circle.frame)}
-    at = {"crank": (0.0, 0.0, 0.0), "rocker": linkage.pivot}
-    bodies = tuple(
-        Body(name=body, estimate=(*at[body], *(round(x, 3) for x in parameters_of(*_axes(frame, angle)))))
-        for body, (angle, frame) in turns.items()
-    )
+    pose = linkage.assemble(-begin, branch)
+    bodies = tuple(Body(name=body, estimate=(*at[:3], *(round(x, 3) for x in at[3:]))) for body, at in pose.items())
     drivers = linkage.drivers(Polynomial(coefficients=(-begin, begin)))
     return Scene(mechanism=Mechanism(bodies, linkage.joints(), drivers), times=times, name=name)
-
-
-def _axes(frame: Any, angle: float) -> tuple[Vec3, Vec3, Vec3]:
-    """Return the axes of a body that is turned by an angle from the first of a frame's towards its second."""
-    f, g, h = (Vec3(*map(float, axis)) for axis in frame.T)
-    c, s = math.cos(angle), math.sin(angle)
-    return f * c + g * s, g * c - f * s, h
 
 
 def _four_bar(lengths: tuple[int, ...], unit: float, side: float, phi: float) -> tuple:  # type: ignore[type-arg]
