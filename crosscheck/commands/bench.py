@@ -24,7 +24,6 @@ from crosscheck.measure.effects import REFKIN, effects_ledger
 from crosscheck.scenes import workloads
 from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure, call_each
-from refkin.model import Scene
 from refkin.motion import Status
 from refkin.scenes.files import load
 from refkin.solving.limits import said_if_long
@@ -109,14 +108,9 @@ def workload_table(name: str, rows: list[dict[str, Any]]) -> Table:
     for row in sorted(rows, key=lambda r: (not r["ranked"], r["nanoseconds_per_configuration"])):
         time = row["nanoseconds_per_configuration"]
         ratios = [f"{time / times[rival]:.3g}" if row["ranked"] else UNRANKED for rival in rivals]
-        numbers = [
-            duration(time),
-            f"{row['spread']:.0%}",
-            *ratios,
-            *map(error, (row["max_error"], row["worst_over_allowed"])),
-        ]
+        errors = ["no answer" if x is None else f"{x:.1e}" for x in (row["max_error"], row["worst_over_allowed"])]
         words = [", ".join(level[:3] for level in row["computes"]), row["newton_by"]]
-        cells = [named(row), *numbers, *words]
+        cells = [named(row), duration(time), f"{row['spread']:.0%}", *ratios, *errors, *words]
         shown.append(cells if row["ranked"] else [coloured(cell, "red") for cell in cells])
     title = f"{name}: per {rows[0]['unit']}"
     return table("engine, method, setting", *numbers_of, "computes", "Newton by", rows=shown, title=title)
@@ -159,11 +153,6 @@ def duration(nanoseconds: float) -> str:
     return f"{nanoseconds:.3g} ns"
 
 
-def error(x: float | None) -> str:
-    """Return an error, which is null where there was no answer."""
-    return "no answer" if x is None else f"{x:.1e}"
-
-
 def effects(scene: Path, *, engines: Names = ENGINES, as_json: Json = False) -> int:
     """Show what every effect costs on a scene, and whether one that is not called for changes anything.
 
@@ -181,33 +170,23 @@ def effects(scene: Path, *, engines: Names = ENGINES, as_json: Json = False) -> 
         print(f"{read_scene.name}: no pose, so no effect has a price: {motion.message}", file=sys.stderr)
         return DISAGREEMENT
     installed, missing = find_engines(names(engines, always=()))
-    inert = show(read_scene, [spec for spec, _ in installed.values()], list(missing.values()), as_json)
+    with shown_progress(1 + len(installed), noun="producers") as tell:
+        rows = effects_ledger(read_scene, [spec for spec, _ in installed.values()], tell=tell)
+    if as_json:
+        plain = [asdict(row) for row in rows]
+        print(json.dumps({"schema": SCHEMA, "scene": read_scene.name, "rows": plain, "missing": [*missing.values()]}))
+    else:
+        out = console(180)
+        out.print(ledger_table(read_scene.name, rows))
+        for line in (*felt_lines(rows), *absent_lines(rows), *missing.values()):
+            out.print(line)
     if missing:
         return ENGINE_MISSING
-    return PASS if inert else DISAGREEMENT
+    ours = [row.inert for row in rows if row.engine == REFKIN]
+    return PASS if True in ours and False not in ours else DISAGREEMENT
 
 
 SCHEMA = 2
-
-
-def show(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
-    """Measure the effects on a scene and print them; return whether each leaves refkin's other numbers as they were."""
-    with shown_progress(1 + len(engines), noun="producers") as tell:
-        rows = effects_ledger(scene, engines, tell=tell)
-    if as_json:
-        print(json.dumps(to_json(scene.name, rows, missing)))
-    else:
-        out = console(180)
-        out.print(ledger_table(scene.name, rows))
-        for line in (*felt_lines(rows), *absent_lines(rows), *missing):
-            out.print(line)
-    ours = [row.inert for row in rows if row.engine == REFKIN]
-    return True in ours and False not in ours
-
-
-def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) -> dict[str, object]:
-    """Return the ledger as plain data."""
-    return {"schema": SCHEMA, "scene": scene, "rows": [asdict(row) for row in rows], "missing": list(missing)}
 
 
 def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:

@@ -32,18 +32,17 @@ def hardest(motion: Motion) -> int | None:
     return int(np.argmin(np.where(reached, motion.sigma_min, np.inf))) if reached.any() else None
 
 
-def _lines(motion: Motion, t: float, diagnosis: Diagnosis) -> list[str]:
-    text = [
+def _text(motion: Motion, t: float, diagnosis: Diagnosis) -> str:
+    lines = [
         f"verdict: {motion.verdict.value}",
         f"t = {t:.17g}",
         diagnosis.message,
         f"smallest singular value of the balanced Jacobian: {diagnosis.sigma:.3g}",
     ]
-    if diagnosis.rows:
-        text.append(f"rows: {', '.join(diagnosis.rows)}")
-    if diagnosis.bodies:
-        text.append(f"bodies: {', '.join(diagnosis.bodies)}")
-    return text + [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in diagnosis.tangents]
+    named = {"rows": diagnosis.rows, "bodies": diagnosis.bodies}
+    lines += [f"{what}: {', '.join(names)}" for what, names in named.items() if names]
+    lines += [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in diagnosis.tangents]
+    return "\n".join(lines)
 
 
 def _diagnosed(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | None) -> dict[str, Any]:
@@ -83,10 +82,7 @@ def print_diagnosis(scene: SceneFile, *, as_json: Json = False) -> int:
         return 1
     contacts = [contact.s[k] for contact in motion.contacts.values()]
     answer = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
-    text = (
-        json.dumps(_diagnosed(read, motion, k, answer)) if as_json else "\n".join(_lines(motion, motion.t[k], answer))
-    )
-    print(text)
+    print(json.dumps(_diagnosed(read, motion, k, answer)) if as_json else _text(motion, motion.t[k], answer))
     ended = motion.status[k] is Status.OK and answer.kind in (PoseKind.REGULAR, PoseKind.STRUCTURE, PoseKind.REDUNDANT)
     return 0 if ended else 1
 
@@ -104,7 +100,7 @@ def mobility(scene: SceneFile, *, as_json: Json = False) -> int:
     if as_json:
         print(json.dumps({"schema": SCHEMA, "scene": read.name, "t": t, **_freedoms(counted, posed, start.message)}))
     else:
-        print("\n".join([_of_count(counted), *_of_pose(posed, t, start.message)]))
+        print("\n".join(_counted(counted, posed, t, start.message)))
     return 0 if posed else 1
 
 
@@ -114,14 +110,8 @@ def _freedoms(counted: Count, posed: Mobility | None, message: str) -> dict[str,
     by_count = {key: getattr(counted, key) for key in keys} | {"passive": list(counted.passive), "kind": counted.kind}
     if posed is None:
         return {"by_count": by_count, "by_rank": None, "message": message}
-    by_rank = {
-        "mobility": posed.mobility,
-        "kind": posed.kind,
-        "useful": posed.useful,
-        "passive": list(posed.passive),
-        "joints": _rank(posed.joints),
-        "driven": _rank(posed.driven),
-    }
+    by_rank = {key: getattr(posed, key) for key in ("mobility", "kind", "useful")} | {"passive": list(posed.passive)}
+    by_rank |= {"joints": _rank(posed.joints), "driven": _rank(posed.driven)}
     return {"by_count": by_count, "by_rank": by_rank, "message": message}
 
 
@@ -130,15 +120,13 @@ def _rank(rank: Rank) -> dict[str, Any]:
     return {**{key: getattr(rank, key) for key in ("coordinates", "rank", "kept", "dropped")}, "redundant": redundant}
 
 
-def _of_count(counted: Count) -> str:
+def _counted(counted: Count, mobility: Mobility | None, t: float, message: str) -> Iterator[str]:
+    """Yield the same in lines to print."""
     passive = f", {len(counted.passive)} of them passive: {', '.join(counted.passive)}" if counted.passive else ""
-    return (
+    yield (
         f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations,"
         f" {counted.coordinates} of them the ground's, = {counted.mobility}, {counted.kind}{passive}"
     )
-
-
-def _of_pose(mobility: Mobility | None, t: float, message: str) -> Iterator[str]:
     if mobility is None:
         yield f"by rank: no pose at t = {t:g}: {message}"
         return

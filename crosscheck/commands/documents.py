@@ -44,27 +44,25 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     return DISAGREEMENT if any(row["status"] == "fail" for row in checked) else PASS
 
 
-def _counted(row: dict[str, Any]) -> list[Any]:
-    counts, errata = tally(row), sum(e["counts"] for e in row["errata"])
-    numbers = (counts["checked"], counts["right"], counts["truncated"], counts["wrong"], errata)
-    status = coloured(row["status"], COLOURS[row["status"]])
-    return [row["id"], row["document"], row["item"], status, *(n or "" for n in numbers)]
-
-
 def print_ledger(out: Console, rows: Sequence[dict[str, Any]]) -> None:
     """Print rows, errata, what is inferred, what is open, and what fails."""
     heads = ("row", "document", "item", "status", "checked", "right", "cut off", "wrong", "errata")
-    out.print(table(*heads, rows=map(_counted, rows)))
+    counted = []
+    for row in rows:
+        numbers = (*tally(row).values(), sum(e["counts"] for e in row["errata"]))
+        status = coloured(row["status"], COLOURS[row["status"]])
+        counted.append([row["id"], row["document"], row["item"], status, *(n or "" for n in numbers)])
+    out.print(table(*heads, rows=counted))
     errata = [
         [row["id"], e["kind"], e["cause"] + (f" ({e['reading']})" if e["reading"] else ""), digits_told(row, e)]
         for row in rows
         for e in row["errata"]
     ]
     out.print(table("row", "kind", "what is wrong", "printed", rows=errata))
-    for key, title in (("inferred", "inferred"), ("open", "open")):
+    for key in ("inferred", "open"):
         for row in rows:
             if row[key]:
-                out.print(f"{row['id']} {title}: {row[key]}")
+                out.print(f"{row['id']} {key}: {row[key]}")
     for row in rows:
         for text in row["failures"]:
             out.print(f"FAIL {row['id']}: {text}")
@@ -125,7 +123,8 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
 def _print_scores(scores_of: dict[str, Any], attainable: dict[str, Any]) -> None:
     rows = []
     for name, scores in scores_of.items():
-        cells = [_cell(scores.get(level), attainable[name][level]) for level in LEVELS.values()]
+        there = attainable[name]
+        cells = [f"{scores[x]:.1f} ({there[x]:.1f})" if x in scores else "" for x in LEVELS.values()]
         rows.append([name, *cells, f"refused: {scores['refused']}" if "refused" in scores else ""])
     out = console(140)
     out.print(table("problem", *(f"{level} (attainable)" for level in LEVELS.values()), "", rows=rows))
@@ -136,7 +135,3 @@ def _print_scores(scores_of: dict[str, Any], attainable: dict[str, Any]) -> None
             out.print(f"{level}: {len(scored)} answers, median {middle:.1f}, worst {scored[0]:.1f} digits")
     refused = sum("refused" in scores for scores in scores_of.values())
     print(f"{len(scores_of)} of {len(attainable)} problems answered, {refused} refused", file=sys.stderr)
-
-
-def _cell(score: float | None, attainable: float) -> str:
-    return "" if score is None else f"{score:.1f} ({attainable:.1f})"

@@ -12,7 +12,7 @@ from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, availabl
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
+from crosscheck.judge.records import QUANTITIES, Disagreement, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
 from crosscheck.workers.pool import find_engines
 
@@ -72,7 +72,10 @@ def agreement_table(record: Record) -> Table:
         method = answer.method
         cells = [answer.engine, method.name, method.newton_by, method.seeding]
         for quantity in QUANTITIES:
-            cells += _cells(answer.quantities.get(quantity))
+            numbers_of = answer.quantities.get(quantity)
+            digits = [d for decade in numbers_of.digits_by_sigma.values() for d in decade] if numbers_of else []
+            cells.append(f"{min(digits) / 10:.1f}" if digits else "-")
+            cells.append("-" if numbers_of is None or numbers_of.ratio is None else f"{numbers_of.ratio:.2g}")
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
     heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no answer")
     return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
@@ -136,10 +139,3 @@ def outcome_lines(outcome: NightOutcome) -> list[str]:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
     counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
     return [*lines, f"{outcome.checked} scenes checked, {counted}"]
-
-
-def _cells(quantity: Quantity | None) -> list[str]:
-    if quantity is None:
-        return ["-", "-"]
-    digits = [d for decade in quantity.digits_by_sigma.values() for d in decade]
-    return [f"{min(digits) / 10:.1f}" if digits else "-", "-" if quantity.ratio is None else f"{quantity.ratio:.2g}"]

@@ -24,12 +24,6 @@ TIME = "time"
 """What the path's t is if it is not the value of a driver."""
 
 
-def parameter_of(scene: Scene, driver: str | None) -> str:
-    """Return the driver whose value is the parameter: that which was asked for, or the only one; else the time."""
-    drivers = scene.mechanism.drivers
-    return driver or (drivers[0].name if len(drivers) == 1 else TIME)
-
-
 def to_json(scene: Scene, parameter: str, path: Path) -> dict[str, Any]:
     """Return a path as plain data; numbers that do not exist are null."""
     return {
@@ -137,7 +131,8 @@ def print_path(
     positive("most-points", most_points)
     if until is not None and not -np.inf < min(until) < max(until) < np.inf:
         raise UsageError(f"--until: expected two different finite values, got {until[0]} and {until[1]}")
-    parameter = parameter_of(read, driver)
+    drivers = read.mechanism.drivers
+    parameter = driver or (drivers[0].name if len(drivers) == 1 else TIME)
     try:
         driven = read if parameter == TIME else driven_by(read, parameter)
     except UnknownName as error:

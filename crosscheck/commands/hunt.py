@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, Whole, console, positive, printable, shown_progress, table
@@ -191,12 +190,7 @@ def _print_table(rows: Sequence[dict[str, Any]]) -> None:
     shown += [None, *([f"all: {verdict}", "", *(counts[*name, verdict] for name in names)] for verdict in HardOutcome)]
     heads = ("case", "distance", *("\n".join(name) for name in names))
     out.print(table(*heads, rows=shown, title=f"Hard cases: {asked}"))
-    _print_wrong(out, rows)
-
-
-def _print_wrong(out: Console, rows: Sequence[dict[str, Any]]) -> None:
-    """Print what is wrong with its explanation, the rows that share one together."""
-    by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}  # rows that share an explanation stand together
     for row in rows:
         if row["verdict"] in BAD:
             reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"

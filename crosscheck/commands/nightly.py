@@ -109,7 +109,7 @@ def nightly(
         required=required,
         minutes=3.0 if minutes is None and scenes is None else minutes,
         scenes=scenes,
-        workers=workers or _processors(),
+        workers=workers or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1),
         cluster=cluster,
         scene_seconds=scene_seconds,
         baseline=accepted,
@@ -163,13 +163,6 @@ def _refuse(out: Path, cluster: str | None, **numbers: float | None) -> None:
         raise UsageError(f"--cluster: expected {where}, got {cluster!r}")
 
 
-def _processors() -> int:
-    """Return how many processors this process may use, where the system tells, else how many there are."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 BLOCKS = "▁▂▃▄▅▆▇█"
 MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
@@ -198,7 +191,11 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
         print(json.dumps({"schema": 1, "nights": kept, "series": course["series"], "warnings": warnings(course)}))
         return PASS
     out = console(140)
-    out.print(_night_table(kept[-last:]))
+    counts = ("scenes", "new", "known")
+    verdicts = [coloured(n["verdict"], "green" if n["verdict"] == "pass" else "red") for n in kept[-last:]]
+    told = zip(kept[-last:], verdicts, strict=True)
+    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in told)
+    out.print(table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights"))
     out.print(_digit_table(kept[-last:]))
     out.print(_cost_table(course["series"]))
     quiet = sum(not one["changes"] and PRICED in one["name"] for one in course["series"])
@@ -252,13 +249,6 @@ def baseline(
     return DISAGREEMENT if worse else PASS
 
 
-def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
-    counts = ("scenes", "new", "known")
-    verdicts = [coloured(n["verdict"], "green" if n["verdict"] == "pass" else "red") for n in kept]
-    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in zip(kept, verdicts, strict=True))
-    return table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights")
-
-
 def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
     """Return the digits of the latest night, and the fewest and most worst digits of the nights shown."""
     by_method: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
@@ -283,14 +273,9 @@ def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
         if not one["changes"] and PRICED in one["name"]:
             continue
         changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
-        course = _blocks(one["values"][-MOST_NIGHTS:])
+        values = one["values"][-MOST_NIGHTS:]
+        low, room = min(values), (max(values) - min(values)) or 1.0
+        course = "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)
         rows.append([one["name"], len(one["values"]), f"{one['values'][-1]:.3g}", course, changes or "none"])
     heads = ("series", "nights", "last", "course", "change of level")
     return table(*heads, rows=rows, title="Time relative to refkin")
-
-
-def _blocks(values: Sequence[float]) -> str:
-    """Return a line of blocks, the lowest for the least value."""
-    low, high = min(values), max(values)
-    room = (high - low) or 1.0
-    return "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)

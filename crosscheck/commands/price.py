@@ -170,9 +170,7 @@ def _cell(best: Mapping[str, Any] | None) -> str:
     if best is None:
         return "nobody"
     second = best["second"]
-    if second is None:
-        return f"{_offer(best)}\nnobody else"
-    return f"{_offer(best)}\n{'<' if best['differs'] else '~'} {_offer(second)}"
+    return f"{_offer(best)}\n" + (f"{'<' if best['differs'] else '~'} {_offer(second)}" if second else "nobody else")
 
 
 def _offer(offer: Mapping[str, Any]) -> str:
@@ -193,16 +191,13 @@ def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
             cells[row["quantity"]] = row
     for name, cells in best.items():
         build = "-" if cells["build"] is None else f"{cells['build'] / 1e3:.2g}"
-        shown.append([*name, build, *(text for q in quantities for text in _digits_and_price(cells.get(q)))])
+        texts: list[str] = []
+        for chosen in map(cells.get, quantities):
+            prices = [chosen[f"microseconds{SUFFIX[poses]}"] for poses in POSES] if chosen else ()
+            paid = "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
+            texts += [f"{chosen['digits']:.1f}", paid] if chosen else ["-", "-"]
+        shown.append([*name, build, *texts])
     return table("engine", "method", "Newton by", ">build\nms", *numbers, rows=shown, title=title)
-
-
-def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:
-    if row is None:
-        return "-", "-"
-    prices = [row[f"microseconds{SUFFIX[poses]}"] for poses in POSES]
-    shown = "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
-    return f"{row['digits']:.1f}", shown
 
 
 def page_of(result: Mapping[str, Any]) -> str:

@@ -98,22 +98,17 @@ def conform(engine: str, *, as_json: Json = False) -> int:
         answers = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
         print(json.dumps({"engine": name, "version": version, **answers}))
     else:
-        _print(f"{name} {version}", replied)
+        rows = []
+        for reply in replied:
+            wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
+            held = ", ".join(reply.levels) if reply.answered else "refused"
+            rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
+        heads, title = ("asked about", "held against the reference", "wrong"), f"{name} {version}: what it was asked"
+        console(150).print(table(*heads, rows=rows, title=title))
+        print("\n".join(lines(replied)))
     if any(reply.faults for reply in replied):
         return DISAGREEMENT
     return PASS if any(reply.answered for reply in replied) else NOTHING_RAN
-
-
-def _print(who: str, replied: Sequence[Reply]) -> None:
-    rows = []
-    for reply in replied:
-        wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
-        held = ", ".join(reply.levels) if reply.answered else "refused"
-        rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
-    heads = ("asked about", "held against the reference", "wrong")
-    console(150).print(table(*heads, rows=rows, title=f"{who}: what it was asked"))
-    for line in lines(replied):
-        print(line)
 
 
 def lines(replied: Sequence[Reply]) -> list[str]:

@@ -27,7 +27,7 @@ def to_exudyn(scene: Scene, title: str) -> str:
     mechanism, kind = scene.mechanism, scene.mechanism.kind
     text = files("crosscheck.problems").joinpath("exudyn_model.py.j2").read_text(encoding="utf-8")
     template = Template(text, trim_blocks=True, keep_trailing_newline=True, undefined=StrictUndefined)
-    return template.render(
+    script: str = template.render(
         title=f"{scene.name}: {title}",
         name=repr(scene.name),
         times=list(scene.times),
@@ -38,6 +38,7 @@ def to_exudyn(scene: Scene, title: str) -> str:
         redundant=sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies),
         still=[int(x) for x in kind.still],
     )
+    return script
 
 
 def _coincide(e: joints.PointsCoincide) -> str:

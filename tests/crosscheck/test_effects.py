@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.commands.bench import absent_lines, felt_lines, ledger_table, to_json
+from crosscheck.commands.bench import absent_lines, felt_lines, ledger_table
 from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.changes import _difference, same_bits
@@ -300,7 +300,7 @@ def test_a_price_has_its_noise_however_little_time_there_is():
 
 
 def test_a_ledger_is_plain_data_that_json_takes():
-    assert json.loads(json.dumps(to_json("s", [priced(1.0, None)])))["rows"][0]["spread"] is None
+    assert json.loads(json.dumps(asdict(priced(1.0, None))))["spread"] is None
 
 
 def test_points_of_the_scene_are_what_is_priced():
