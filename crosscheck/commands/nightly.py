@@ -273,9 +273,14 @@ def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
         if not one["changes"] and PRICED in one["name"]:
             continue
         changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
-        values = one["values"][-MOST_NIGHTS:]
-        low, room = min(values), (max(values) - min(values)) or 1.0
-        course = "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)
+        course = _blocks(one["values"][-MOST_NIGHTS:])
         rows.append([one["name"], len(one["values"]), f"{one['values'][-1]:.3g}", course, changes or "none"])
     heads = ("series", "nights", "last", "course", "change of level")
     return table(*heads, rows=rows, title="Time relative to refkin")
+
+
+def _blocks(values: Sequence[float]) -> str:
+    """Return a line of blocks, the lowest for the least value."""
+    low, high = min(values), max(values)
+    room = (high - low) or 1.0
+    return "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)

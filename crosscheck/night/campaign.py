@@ -87,7 +87,12 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
     turns = Turns(journal)
     _agree_with_what_is_there(plan, outcome, turns)
     outcome.checked = len(journal.keys)
-    with _pool(plan, outcome.engines, outcome.versions) as workers:
+    made: dict[str, Any] = {"count": plan.workers, "engines": outcome.engines, "seconds": plan.scene_seconds}
+    if plan.cluster is not None:
+        pool: Pool = ClusterWorkers(CHECK, plan.cluster, versions=outcome.versions, **made)
+    else:
+        pool = Workers(CHECK, **made)
+    with pool as workers:
         for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
             journal.append(replace(record, run=of_run(plan.seed, outcome.versions)))
             outcome.checked = len(journal.keys)
@@ -102,12 +107,6 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
             outcome.new += compare_night(plan.baseline, plan.out, workers)
         outcome.new += mute.new(partial(_answers_plain_ones, workers))
         outcome.failed += workers.unexplained
-
-
-def _pool(plan: NightPlan, engines: dict[str, str], versions: dict[str, str]) -> Pool:
-    if plan.cluster is None:
-        return Workers(CHECK, plan.workers, engines, plan.scene_seconds)
-    return ClusterWorkers(CHECK, plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
 
 
 FILES = (

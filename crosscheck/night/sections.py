@@ -74,10 +74,13 @@ def write_sections(
         return
     named = [spec for name, spec in engines.items() if name not in left_out]
     priced = (*(name for name in PRICED if name in OURS), *named)
+    scene = priced_classes()[PRICED_CLASS]
+    point = Point(name="P", body=scene.mechanism.bodies[0].name, position=(0.3, 0.2))  # so that points have a price
+    felt = replace(scene, points=(point,))
     measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {
         "hard_cases": ("hard cases", lambda: hard_case_rows([REFKIN, *named], HARD * seconds)),
         "price": ("the price list", lambda: price_list(PRICE * seconds, priced)),
-        "effects": ("the ledger of effects", lambda: _effects(named, EFFECTS * seconds)),
+        "effects": ("the ledger of effects", lambda: list(map(asdict, effects_ledger(felt, named, EFFECTS * seconds)))),
     }
     for name, (doing, measure) in measures.items():
         tell(doing)
@@ -86,19 +89,9 @@ def write_sections(
 
 def write_documents(folder: Path) -> None:
     """Write documents.json: the source documents recomputed, and the experiments on convergence that they describe."""
-    recomputed = {
-        "newton_histories": newton_histories(),
-        "slopes": slopes(),
-        "documents": documents(),
-        "iterations": digits_by_iteration(),
-    }
+    recomputed: dict[str, Any] = {"newton_histories": newton_histories(), "slopes": slopes()}
+    recomputed |= {"documents": documents(), "iterations": digits_by_iteration()}
     replace_file(folder / "documents.json", json.dumps(recomputed, indent=1, allow_nan=False) + "\n")
-
-
-def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:
-    scene = priced_classes()[PRICED_CLASS]
-    point = Point(name="P", body=scene.mechanism.bodies[0].name, position=(0.3, 0.2))  # so that points have a price
-    return [asdict(row) for row in effects_ledger(replace(scene, points=(point,)), engines, seconds)]
 
 
 MOST_SCENES = 60

@@ -69,16 +69,13 @@ def four_bars(random: Random) -> Iterator[Stated]:
         linkage = FourBar(*(within(random, 1.0, 4.0) for _ in range(4)))
         while not linkage.input_range() or abs(linkage.slack) < 0.2:
             linkage = FourBar(*(within(random, 1.0, 4.0) for _ in range(4)))
-        law = _across(linkage) if k % 3 else _swinging(linkage)
+        law, (low, high) = _across(linkage), linkage.input_range()[0]
+        if k % 3 == 0 and math.isinf(low):
+            law = Integral(rate=polynomial(1.5, 0.5, -0.25), initial=0.7)
+        elif k % 3 == 0:
+            middle, swing = round((low + high) / 2, 3), round(0.4 * (high - low), 3)
+            law = Sinusoid(offset=middle, amplitude=swing, angular_frequency=1.5, phase=0.25)
         yield _linkage(f"four-bar, {linkage.grashof.value}", linkage, law)
-
-
-def _swinging(linkage: Linkage) -> Law:
-    low, high = linkage.input_range()[0]
-    if math.isinf(low):
-        return Integral(rate=polynomial(1.5, 0.5, -0.25), initial=0.7)
-    middle, reach = (low + high) / 2, (high - low) / 2
-    return Sinusoid(offset=round(middle, 3), amplitude=round(0.8 * reach, 3), angular_frequency=1.5, phase=0.25)
 
 
 def slider_cranks(random: Random) -> Iterator[Stated]:

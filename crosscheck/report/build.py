@@ -95,7 +95,7 @@ def plain(value: Any) -> Any:
 
 def render(report: Mapping[str, Any]) -> str:
     """Return the page for a report; whatever comes from records is escaped."""
-    js = wording.page_file("page.js")
+    js, series = wording.page_file("page.js"), (report["trends"] or {"series": ()})["series"]
     return wording.filled(
         "page.html.j2",
         report=report,
@@ -110,28 +110,22 @@ def render(report: Mapping[str, Any]) -> str:
         glance=glance(report),
         coverage=coverage(report),
         together=together(report["together"]),
-        replayed=replayed(report["run"]),
+        replayed=engines_option([str(name) for name in report["run"].get("engines", ())]),
         certified=any(report["reference"]["largest_certified_radius"].values()),
         cheapest=cheapest_tables(report["price"] or []),
         goals=STEPS,
         matrices=agreement_matrices(report["agreement"]),
-        changed=any(series["changes"] for series in (report["trends"] or {"series": ()})["series"]),
-        **_figures(report),
+        changed=any(one["changes"] for one in series),
+        digits_figure=digits_figure(report),
+        median_figure=digits_figure(report, "digits_median"),
+        newton_figure=newton_figure(report),
+        slopes_figure=slopes_figure(report["slopes"]),
+        price_figure=price_figure(report["price"] or [], looks_of(report)),
+        iterations_figure=iterations_of_notes(report["iterations"]) if report["iterations"] else None,
+        effects_figure=effects_figure(report["effects"] or []),
+        trends_figure=trends_figure(series),
         **_posed(report),
     )
-
-
-def _figures(report: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "digits_figure": digits_figure(report),
-        "median_figure": digits_figure(report, "digits_median"),
-        "newton_figure": newton_figure(report),
-        "slopes_figure": slopes_figure(report["slopes"]),
-        "price_figure": price_figure(report["price"] or [], looks_of(report)),
-        "iterations_figure": iterations_of_notes(report["iterations"]) if report["iterations"] else None,
-        "effects_figure": effects_figure(report["effects"] or []),
-        "trends_figure": trends_figure((report["trends"] or {"series": ()})["series"]),
-    }
 
 
 def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
@@ -202,11 +196,6 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
     tables = {"by_joints": by_joints, "by_driver": by_driver}
     rows = {name: [(row, [t[row][law] for law in laws]) for row in sorted(t)] for name, t in tables.items()}
     return {"laws": laws, "cells": report["cells"], "once": report["once"], "pairs": report["pairs"], **rows}
-
-
-def replayed(run: Mapping[str, Any]) -> str:
-    """Return what follows `crosscheck replay FILE` so that the engines of a run are asked."""
-    return engines_option([str(name) for name in run.get("engines", ())])
 
 
 def _value(name: str, value: str) -> str:

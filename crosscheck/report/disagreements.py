@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import Answer, Cause, Disagreement, NewCase, Record
+from crosscheck.judge.records import Cause, Disagreement, NewCase, Record
 from crosscheck.report.cells import Place, WorstSample, sample, worse
 from crosscheck.scenes.names import QUANTITIES
 
@@ -143,28 +143,24 @@ def implied(record: Record) -> Iterator[Disagreement]:
     """
     listed = {(d.engine, d.method, d.quantity) for d in record.disagreements}
     listed |= {(d.engine, d.method, q) for d in record.disagreements if d.kind is Cause.REVERSED for q in QUANTITIES}
-    implied_ones = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
-    for row in record.levels:
-        if row.ratio is None or not row.ratio <= 1.0:
-            who: Any = {"engine": row.engine, "method": "rows", "quantity": row.level}
-            implied_ones.append(Disagreement(**who, kind=Cause.TRANSLATED, ratio=row.ratio, at=row.worst))
-    yield from (d for d in implied_ones if (d.engine, d.method, d.quantity) not in listed)
-
-
-def _of_reference(record: Record) -> Iterator[Disagreement]:
+    implied_ones = []
     reference = record.reference
     if reference is not None and reference.verdict != record.about.get("expected", "ok"):
         who: Any = {"engine": "refkin", "method": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=Cause.REFERENCE, how=reference.verdict, message=reference.message)
-
-
-def _of_answer(answer: Answer) -> Iterator[Disagreement]:
-    for name, q in answer.quantities.items():
-        ratio = math.nan if q.ratio is None else q.ratio
-        kind = Cause.BEYOND if ratio > 1.0 else Cause.NO_NUMBER
-        if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
-            who: Any = {"engine": answer.engine, "method": answer.method.name, "quantity": name}
-            yield Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst)
+        how, message = reference.verdict, reference.message
+        implied_ones.append(Disagreement(**who, kind=Cause.REFERENCE, how=how, message=message))
+    for answer in record.answers:
+        for name, q in answer.quantities.items():
+            ratio = math.nan if q.ratio is None else q.ratio
+            kind = Cause.BEYOND if ratio > 1.0 else Cause.NO_NUMBER
+            if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
+                who = {"engine": answer.engine, "method": answer.method.name, "quantity": name}
+                implied_ones.append(Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst))
+    for row in record.levels:
+        if row.ratio is None or not row.ratio <= 1.0:
+            who = {"engine": row.engine, "method": "rows", "quantity": row.level}
+            implied_ones.append(Disagreement(**who, kind=Cause.TRANSLATED, ratio=row.ratio, at=row.worst))
+    yield from (d for d in implied_ones if (d.engine, d.method, d.quantity) not in listed)
 
 
 @dataclass
@@ -229,8 +225,8 @@ class Features:
                 "new": row.new,
                 "quantities": sorted(row.quantities),
                 "worst": row.worst.described() if row.worst else None,
-                "class": known[engine, name].kind_of_gap if (engine, name) in known else None,
-                "reason": known[engine, name].reason if (engine, name) in known else None,
+                "class": getattr(known.get((engine, name)), "kind_of_gap", None),
+                "reason": getattr(known.get((engine, name)), "reason", None),
             }
             for (engine, name), row in sorted(self.rows.items())
         ]

@@ -76,35 +76,19 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
         if not any(b.quantity == quantity for b in bins):
             plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
         panels.append(plot.markup())
-    head = (
-        "engine · method",
-        "quantity",
-        "sigma min",
-        "samples",
-        "median",
-        "1st percentile",
-        "worst",
-        "attainable, median",
-    )
-    return Figure(tuple(panels), _digits_legend(report, looks, blanks, line), head, tuple(_digits_rows(report, bins)))
-
-
-def _digits_legend(report: Report, looks: Mapping[Any, Style], blanks: Sequence[Any], line: str) -> tuple[Any, ...]:
     legend = [(swatch(look), " · ".join(name)) for name, look in looks.items()]
     if any(report["attainable"].values()):
         legend.append((BAND, "attainable (bound), 1 % to median"))
     if blanks and line == "digits_worst":
         legend.append((swatch(NO_ANSWER, line=False), "at the foot: no answer"))
-    return tuple(legend)
-
-
-def _digits_rows(report: Report, bins: Sequence[Bin]) -> list[tuple[Any, ...]]:
-    keys = ("samples", "digits_median", "digits_p01", "digits_worst")
+    numbers = {"median": "digits_median", "1st percentile": "digits_p01", "worst": "digits_worst"}
+    head = ("engine · method", "quantity", "sigma min", "samples", *numbers, "attainable, median")
     rows = []
     for b in bins:
         attainable = report["attainable"].get(b.quantity, {}).get(str(b.decade), {}).get("digits_median")
-        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *(b.digits[key] for key in keys), attainable))
-    return rows
+        shown_digits = (b.digits["samples"], *map(b.digits.get, numbers.values()))
+        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *shown_digits, attainable))
+    return Figure(tuple(panels), tuple(legend), head, tuple(rows))
 
 
 def _spoken(b: Bin, line: str) -> str:

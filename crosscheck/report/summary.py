@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
@@ -142,14 +141,9 @@ class Summary:
         met = {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
         if required is None:
             required = self.outcome.required if self.outcome else list(run.get("required", ()))
-        how, why = verdict(
-            required=required,
-            missing=missing,
-            answering=answering,
-            new=self.disagreements.new,
-            failures=len(self.failures),
-            scenes=len(self.keys),
-        )
+        asked: dict[str, Any] = {"required": required, "missing": missing, "answering": answering}
+        new = self.disagreements.new
+        how, why = verdict(**asked, new=new, failures=len(self.failures), scenes=len(self.keys))
         return {
             "schema": 2,
             "verdict": how,
@@ -182,7 +176,16 @@ class Summary:
             **(self.documents.model_dump() if self.documents else NO_DOCUMENTS),
             "trends": self.trends.model_dump() if self.trends else None,
             "disagreements": self.disagreements.described(),
-            "known_gaps": [_gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)],
+            "known_gaps": [
+                {
+                    **{key: getattr(gap, key) for key in ("engine", "match", "predicate", "reason")},
+                    "class": gap.kind_of_gap,
+                    "date": gap.date.isoformat(),
+                    "reproduction": gap.reproduction,
+                    "disagreements": covered,
+                }
+                for gap, covered in zip(self.gaps, self.disagreements.covered, strict=True)
+            ],
             "coverage": self.coverage.described(),
             "together": self.together.described(),
             "refusals": self.refusals.described(),
@@ -256,19 +259,6 @@ def _quantity(level: str) -> str:
 
 def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
     return disagreement.engine, disagreement.method, _quantity(disagreement.quantity)
-
-
-def _gap_row(gap: KnownGap, covered: int) -> dict[str, Any]:
-    return {
-        "engine": gap.engine,
-        "match": gap.match,
-        "predicate": gap.predicate,
-        "reason": gap.reason,
-        "class": gap.kind_of_gap,
-        "date": gap.date.isoformat(),
-        "reproduction": gap.reproduction,
-        "disagreements": covered,
-    }
 
 
 PASS = "pass"

@@ -188,7 +188,8 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
         elif drawn.scene == start:
             raise _FailingScene
 
-    scenes, seeded = _scenes_of(number, samples), seed(seed_of_scene(night, number))  # a seed forgets a database
+    scenes = _scenes_at(number % SPECIAL_EVERY, samples)
+    seeded = seed(seed_of_scene(night, number))  # a seed forgets a database
     first = settings(profile((Phase.generate,)), database=kept)
     then = settings(profile((Phase.reuse, Phase.generate, Phase.target)), database=kept, max_examples=examples)
     with own_choices_only():
@@ -206,17 +207,13 @@ def _with_ticket(draw: st.DrawFn, scenes: st.SearchStrategy[Any], refused: bool)
     return None
 
 
-def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
-    """Return the scenes of the kind that a number has; None for the simplest ticket.
+@cache  # Hypothesis looks through a strategy that it has not met for as long as it draws from it
+def _scenes_at(place: int, samples: int) -> st.SearchStrategy[Any]:
+    """Return the scenes of the kind that a place of `SPECIAL_EVERY` has; None for the simplest ticket.
 
     Of equal links and for features, that is refused, as their simplest scenes are: so two more are drawn, and a number
     has the scene that it always had.
     """
-    return _scenes_at(number % SPECIAL_EVERY, samples)
-
-
-@cache  # Hypothesis looks through a strategy that it has not met for as long as it draws from it
-def _scenes_at(place: int, samples: int) -> st.SearchStrategy[Any]:
     return _with_ticket(_kind_at(place, samples), place in (EQUAL, FEATURED))
 
 
@@ -289,7 +286,7 @@ def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: C
 
     @seed(seed_of_scene(night, number))
     @profile(phases)
-    @given(_scenes_of(number, samples))
+    @given(_scenes_at(number % SPECIAL_EVERY, samples))
     def scene_property(drawn: AnyDrawn | None) -> None:
         if drawn is not None:
             do(drawn)

@@ -320,11 +320,6 @@ def stop(process: Any) -> Failure:
         shown, life = _begun_here.pop(id(process))
         shown.join(1.0)
         life.close()
-    return _crash(code)
-
-
-def _crash(code: int | None) -> Failure:
-    """Return the end of a process as data: the signal it got, or its exit code."""
     name = f"exit code {code}"
     if code is not None and code < 0:
         with suppress(ValueError):
