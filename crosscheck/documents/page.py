@@ -70,13 +70,8 @@ def tally(row: dict[str, Any]) -> dict[str, int]:
 def digits_told(row: dict[str, Any], erratum: dict[str, Any]) -> str:
     """Return the printed numbers of an erratum with their digits: "2.7109 for 2.701942 (2.4 of 5 digits)"."""
     by_name = {v["name"]: v for v in row["values"]}
-    parts = []
-    for path in erratum["at"]:
-        v = by_name[path]
-        parts.append(
-            f"{path}: {v['printed']} for {v['truth']} ({v['digits_correct']:g} of {v['digits_printed']} digits)"
-        )
-    return "; ".join(parts)
+    told = "{name}: {printed} for {truth} ({digits_correct:g} of {digits_printed} digits)"
+    return "; ".join(told.format(**by_name[path]) for path in erratum["at"])
 
 
 def closing(rows: Sequence[dict[str, Any]]) -> str:
@@ -166,12 +161,11 @@ EXPECTED = {Scheme.FORWARD: 1.0, Scheme.CENTRAL: 2.0}
 
 
 def slopes() -> list[dict[str, Any]]:
-    """Return the lines: name, what it is drawn over, points (x, error), expected and fitted slope and its spread."""
-    return [*_differences(), _sigma()]
+    """Return the lines: name, what it is drawn over, points (x, error), expected and fitted slope and its spread.
 
-
-def _differences() -> list[dict[str, Any]]:
-    """Return the error of each difference Jacobian of a four-bar against the analytic one, over the step."""
+    They are the error of each difference Jacobian of a four-bar against the analytic one, over the step; and sigma_min
+    over the distance to a limit.
+    """
     system, q = _posed(ROCKER, 1.0)
     exact = system.phi_q(q, 0.0)
     h = 10.0 ** np.arange(-12, 0.0, 0.5)
@@ -183,18 +177,14 @@ def _differences() -> list[dict[str, Any]]:
         # A complex step errs with h^2, too; below 1e-8 that is under round-off, which is how it is used.
         name = f"{scheme.value.replace('_', ' ')} difference"
         lines.append(_line(name, "step", h, errors, EXPECTED.get(scheme), fitted))
-    return lines
-
-
-def _sigma() -> dict[str, Any]:
     limit = TOGGLE.input_range()[0][1]
     distance = 10.0 ** np.arange(-9, -1.5, 0.5)
     sigma = []
     for d in distance:
         system, q = _posed(TOGGLE, limit - d)
         sigma.append(float(np.linalg.svd(system.phi_q(q, 0.0), compute_uv=False)[-1]))
-    fitted = slope(distance, sigma, 0.0)
-    return _line("smallest singular value", "distance to the limit position [rad]", distance, sigma, 0.5, fitted)
+    fitted, over = slope(distance, sigma, 0.0), "distance to the limit position [rad]"
+    return [*lines, _line("smallest singular value", over, distance, sigma, 0.5, fitted)]
 
 
 def _posed(linkage: FourBar, angle: float) -> tuple[System, Any]:

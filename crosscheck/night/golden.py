@@ -175,21 +175,14 @@ def _digits_lost(
         old, new = before.get(quantity), now.get(quantity)
         if old is None:
             continue
-        ratio = now["ratio"].get(quantity)
-        if new is None or _is_lost(old, new, attainable.get(quantity) or new, ratio):
+        # The digits of a case hold an engine to rounding, whatever terms of its own it has. Its ratio is taken sample
+        # by sample, and also tells where the digits of the sample that is hardest would hide the others.
+        beyond = (now["ratio"].get(quantity) or 0.0) > LUCK
+        places = zip(old, new or (), attainable.get(quantity) or new or (), strict=False)
+        if new is None or any(a - b > LOST and (beyond or b < least) for a, b, least in places):
             digits_now = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
             became = f"digits {old[0]:.1f} / {old[1]:.1f} became {digits_now}"
             yield Disagreement(**who, quantity=quantity, message=became)
-
-
-def _is_lost(old: Sequence[float], new: Sequence[float], attainable: Sequence[float], ratio: float | None) -> bool:
-    """Whether half a digit went, in the median or the worst sample, that no luck in rounding accounts for.
-
-    The digits of a case hold an engine to rounding, whatever terms of its own it has. Its ratio is taken sample by
-    sample, and also tells where the digits of the sample that is hardest would hide the others.
-    """
-    beyond = ratio is not None and ratio > LUCK
-    return any(a - b > LOST and (beyond or b < least) for a, b, least in zip(old, new, attainable, strict=True))
 
 
 def read(path: Path) -> dict[str, Any]:

@@ -152,7 +152,12 @@ def six_bars(random: Random) -> Iterator[Stated]:
     """Yield crank-rockers that move a further dyad, hung on the rocker (Watt) or on the coupler (Stephenson)."""
     for k in range(12):
         ground, coupler, rocker = _crank_rocker(random)
-        joints = _four_pins(ground, coupler, rocker)
+        joints: list[Constraint] = [
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("A", "crank", (1.0, 0.0), "coupler"),
+            pin("B", "coupler", (coupler, 0.0), "rocker", (rocker, 0.0)),
+            pin("B0", GROUND, (ground, 0.0), "rocker"),
+        ]
         on, tip = ("rocker", (within(random, 1.5, 3.0), 0.75)) if k % 2 else ("coupler", (coupler / 2, 1.0))
         reach = ground + 1.0
         if k % 3:
@@ -165,16 +170,6 @@ def six_bars(random: Random) -> Iterator[Stated]:
             joints.append(_guide("guide", GROUND, (0.0, within(random, -1.0, 1.0)), (1.0, 0.0), "slider"))
         name = ("Watt" if k % 2 else "Stephenson") + (" six-bar" if k % 3 else " six-bar with a slider")
         yield stated(name, joints, _turning("crank", polynomial(0.3, 1.5, 0.25)))
-
-
-def _four_pins(ground: float, coupler: float, rocker: float) -> list[Constraint]:
-    """Return a four-bar with a crank of length 1, each body's frame at one of its pins."""
-    return [
-        pin("A0", GROUND, (0.0, 0.0), "crank"),
-        pin("A", "crank", (1.0, 0.0), "coupler"),
-        pin("B", "coupler", (coupler, 0.0), "rocker", (rocker, 0.0)),
-        pin("B0", GROUND, (ground, 0.0), "rocker"),
-    ]
 
 
 def _guide(name: str, i: str, p: Pair, axis: Pair, j: str) -> Prismatic:

@@ -68,21 +68,16 @@ def _digits_at(scene: Scene, system: System, motion: Motion, k: int) -> list[lis
         root = krawczyk(system, system.to_unit(motion.q[:, k]), scene.times[k], bits)
         if root is None:
             continue
-        _consistent(scene, root)
+        with ctx.workprec(bits):
+            rows = exact_system(system, bits).phi(objects(root.q), arb(root.t))
+            if not all(abs(row) < CONSISTENT for row in rows):  # redundant ones, that the others' solution leaves open
+                raise NotProved(f"{scene.name}: redundant rows contradict each other")
         velocity = root.velocity()
         enclosed = (root.q, velocity, root.acceleration(velocity))
         levels = [_decided(root, balls, order) for order, balls in enumerate(enclosed)]
         if None not in [number for level in levels for number in level]:
             return [[str(number) for number in level] for level in levels]
     raise NotProved(f"{scene.name}: {BITS[-1]} bits do not prove {DIGITS} digits at t = {scene.times[k]:g}")
-
-
-def _consistent(scene: Scene, root: Enclosure) -> None:
-    """Refuse redundant rows that the solution of the others does not fulfil."""
-    with ctx.workprec(root.bits):
-        rows = exact_system(root.system, root.bits).phi(objects(root.q), arb(root.t))
-        if not all(abs(row) < CONSISTENT for row in rows):
-            raise NotProved(f"{scene.name}: redundant rows contradict each other")
 
 
 def _decided(root: Enclosure, balls: Sequence[Any], order: int) -> list[str | None]:

@@ -138,6 +138,13 @@ def folds(report: Report) -> dict[str, str]:
     gaps, refusals, trends = report["known_gaps"], report["refusals"], report["trends"]
     nights = len(trends["nights"]) if trends else 0
     changed = sum(len(series["changes"]) for series in trends["series"]) if trends else 0
+    compared, kept = "the golden set was not compared in this run", "no history was kept with this run"
+    if golden := report["golden"]:
+        worse = len(golden["worse"])
+        found = f"{worse} numbers worse" if worse else "nothing worse"
+        compared = f"golden set of {golden['cases']} scenes: {found}"
+    if nights:
+        kept = f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
     return {
         "price": _rows_line(report["price"], "settings priced"),
         "effects": _rows_line(report["effects"], "effects priced"),
@@ -149,7 +156,7 @@ def folds(report: Report) -> dict[str, str]:
         "newton": _slopes_line(report),
         "glance": "percentiles, error / allowed, who solved what, own rows",
         "gaps": f"{len(gaps)} in the table, {sum(g['disagreements'] > 0 for g in gaps)} met",
-        "trends": f"{_golden_line(report['golden'])}; {_nights_line(nights, changed)}",
+        "trends": f"{compared}; {kept}",
         "coverage": f"{count(report['scenes'])} scenes, by kind, class, branch and distance",
         "refusals": f"{len(refusals)} kinds" if refusals else "none",
         "documents": (report["documents"] or {"closing": "not recomputed in this run"})["closing"],
@@ -162,19 +169,6 @@ def _features_line(rows: Any) -> str:
         return "not asked in this run"
     wrong, new = sum(r["wrong"] > 0 for r in rows), sum(r["new"] > 0 for r in rows)
     return f"{len(rows)} asked, {wrong} of them wrong, {new} of these new"
-
-
-def _golden_line(golden: Any) -> str:
-    if not golden:
-        return "the golden set was not compared in this run"
-    worse = len(golden["worse"])
-    return f"golden set of {golden['cases']} scenes: {f'{worse} numbers worse' if worse else 'nothing worse'}"
-
-
-def _nights_line(nights: int, changed: int) -> str:
-    if not nights:
-        return "no history was kept with this run"
-    return f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
 
 
 def _rows_line(rows: Any, what: str) -> str:

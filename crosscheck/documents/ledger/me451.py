@@ -248,19 +248,13 @@ def a11(n: Arithmetic, given: Given) -> Values:
 def refkin_a11(n: Binary64, given: Given) -> Values:
     """The same rates with bodies and joints."""
     system = compile_system(me451.problem_356_mechanism())
-    reduced = absolute_356(system, 0.0)
-    q = _whole(reduced)
+    x, y, angle = absolute_356(system, 0.0)
+    along = np.arctan2(y, x)
+    q = np.array([0.0, 0.0, along, x, y, along, 0.6, 0.0, angle])
     qd = velocity(system, q, 0.0)
     qdd = acceleration(system, q, qd, 0.0)
     rows = [3, 4, 8]
     return {"qd": qd[rows], "qdd": qdd[rows]}
-
-
-def _whole(reduced: Any) -> Any:
-    """Return the nine coordinates of the mechanism from (x2, y2, phi3)."""
-    x, y, angle = reduced
-    along = np.arctan2(y, x)
-    return np.array([0.0, 0.0, along, x, y, along, 0.6, 0.0, angle])
 
 
 def a12(n: Arithmetic, given: Given) -> Values:
@@ -301,19 +295,13 @@ def a13(n: Arithmetic, given: Given) -> Values:
     q = n.root(system, estimate_356(n))
     slope = system.phi_q(q)
     qd = n.solve(slope, me451.problem_356_nu(n(given["reach"]), n(given["speed"])))
-    swept = [float(abs(rate)) for rate in qd]
-    delta = 4.0
-    while delta > 2.0**-40 and not any(
-        _proved_for(n, given, q, delta, [f * delta * s for s in swept]) for f in (1.25, 1.5, 2.0, 3.0)
-    ):
+    swept, delta, proved = [float(abs(rate)) for rate in qd], 8.0, False
+    while delta > 2.0**-40 and not proved:  # each box is held against every time |t| <= delta
         delta /= 2
+        reach = arb(0, delta) * n(given["speed"]) + n(given["reach"])
+        whole = me451.problem_356(reach, n(given["ground"]), n(given["link"]))
+        proved = any(n.proves(whole, q, [f * delta * s for s in swept]) for f in (1.25, 1.5, 2.0, 3.0))
     return {"det phi_q": n.det(slope), "delta": delta}
-
-
-def _proved_for(n: Balls, given: Given, q: Any, delta: float, widths: list[float]) -> bool:
-    """Return whether each box of these half-widths holds exactly one pose at every time |t| <= delta."""
-    reach = arb(0, delta) * n(given["speed"]) + n(given["reach"])
-    return n.proves(me451.problem_356(reach, n(given["ground"]), n(given["link"])), q, widths)
 
 
 def a14(n: Arithmetic, given: Given) -> Values:

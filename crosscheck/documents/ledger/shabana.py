@@ -126,17 +126,13 @@ def d6(n: Arithmetic, given: Given) -> Values:
     slopes = [shabana.slider_crank(l2, l3, n("0"), n("1")).phi_q(n.vector([angle, "1"])) for angle in ("0", "1")]
     values: Values = {"det at theta3 = 0": n.det(slopes[0]), "det at theta3 = 1 rad": n.det(slopes[1])}
     values["l3 cos(1 rad)"] = l3 * np.cos(n("1"))
-    if isinstance(n, Binary64):
-        values["rank of the loop in theta2, theta3, x for l2 = l3 at 90 degrees"] = _rank_at_bifurcation()
+    if isinstance(n, Binary64):  # where crank and rod lie on each other, upright
+        free = loops.slider_crank(1.0, 1.0, 0.0, Polynomial(coefficients=(math.pi / 2, 1.0)))
+        q = np.array([-math.pi / 2, 0.0])
+        slope = np.column_stack([-free.nu(q, 0.0), free.jacobian(q, 0.0)])
+        rank = int(np.linalg.matrix_rank(slope, tol=1e-12))
+        values["rank of the loop in theta2, theta3, x for l2 = l3 at 90 degrees"] = rank
     return values
-
-
-def _rank_at_bifurcation() -> int:
-    """Return the rank of d(loop)/d(theta2, theta3, x) where crank and rod lie on each other, upright."""
-    free = loops.slider_crank(1.0, 1.0, 0.0, Polynomial(coefficients=(math.pi / 2, 1.0)))
-    q = np.array([-math.pi / 2, 0.0])
-    by_theta2 = -free.nu(q, 0.0)
-    return int(np.linalg.matrix_rank(np.column_stack([by_theta2, free.jacobian(q, 0.0)]), tol=1e-12))
 
 
 def d7(n: Arithmetic, given: Given) -> Values:
