@@ -16,7 +16,7 @@ import numpy as np
 
 from refkin.analysis import SINGULAR
 from refkin.differences import EPS
-from refkin.newton import CONTRACTION, TINY, is_round_off
+from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.solving.passages import OFTEN
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, NEAR, SHORT, before, neville
@@ -299,15 +299,13 @@ def _parts(t: Any, q: Any, rates: Any, worst: Any) -> tuple[Any, Any]:
 
 def _solve(matrix: Any, right: Any) -> Any:
     """Return x of a system (n, n), (n,), or of a batch (n, n, B), (n, B); NaN where a matrix is singular."""
-    alone = matrix.ndim == 2
-    stacked, columns = (matrix, right) if alone else (matrix.transpose(2, 0, 1), right.T[..., None])
     try:
-        return np.linalg.solve(stacked, columns) if alone else np.linalg.solve(stacked, columns)[..., 0].T
+        return solve_linear(matrix, right)
     except np.linalg.LinAlgError:  # one of them spoils the batch
-        if alone:
-            return np.full_like(right, np.nan)
-        x, regular = np.full_like(right, np.nan), np.linalg.slogdet(stacked)[0] != 0.0
-        x[:, regular] = np.linalg.solve(stacked[regular], columns[regular])[..., 0].T
+        x = np.full_like(right, np.nan)
+        if matrix.ndim > 2:
+            regular = np.linalg.slogdet(matrix.transpose(2, 0, 1))[0] != 0.0
+            x[:, regular] = solve_linear(matrix[..., regular], right[:, regular])
         return x
 
 
