@@ -123,6 +123,21 @@ def test_it_is_counted_and_all_of_it_stands_in_closed_form():
     assert read_rows(compile_system(mechanism, unit=mechanism.unit()), 0.0).foreign == ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class HalfReadSlider(BesideSlider):
+    """The same formulas; but of its second row its elements say nothing that a closed form reads."""
+
+    def elements(self) -> Iterator[Element]:
+        yield next(super().elements())
+        yield AxesParallel(body_i=self.body_i, body_j=self.body_j, axis_i=(0, 0, 1), axis_j=(0, 0, 1))
+
+
+def test_a_joint_that_is_read_by_halves_stands_in_no_closed_form():
+    mechanism = slider_crank(HalfReadSlider).mechanism
+
+    assert read_rows(compile_system(mechanism, unit=mechanism.unit()), 0.0).foreign == ("guide",)
+
+
 def test_it_goes_through_a_scene_file(registered):
     scene = slider_crank()
 

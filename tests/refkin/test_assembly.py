@@ -15,7 +15,8 @@ from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.assembly.group_poses import GroupPose, Link, moves_of_group
 from refkin.proof.assembly.loci import Circle, Line, meet
-from refkin.proof.assembly.rows import RowKind
+from refkin.proof.assembly.rigid_groups import plan
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
 from refkin.vec import Vec
 
 from .assembly_cases import (
@@ -567,3 +568,11 @@ def test_the_driven_angle_is_that_of_the_law_with_its_turns(driver):
 
     assert [q[2] for q in result.poses] == pytest.approx([expected] * 2, rel=4e-16, abs=0.0)
     assert residual(system, result, 0.7) < ROUND_OFF
+
+
+def test_a_point_that_two_lines_hold_is_located_once_though_that_leads_nowhere():
+    """Its body may still turn: it belongs to no group, and there is no end to locating what is located."""
+    zero = Vec(arb(0), arb(0))
+    lines = tuple(PointRow(RowKind.LINE, "ground", "b", zero, zero, name, key_j=(0.0, 0.0)) for name in "GH")
+
+    assert [step.locates for step in plan(AssemblyRows((), lines, ()), ["b"]).steps] == [True]

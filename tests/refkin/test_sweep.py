@@ -32,7 +32,7 @@ from refkin import (
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.numbers.extrema import extrema
 from refkin.proof.path.blocks import diagonal_blocks
-from refkin.proof.path.branch import Piece, _halved, _linked, first_unproved
+from refkin.proof.path.branch import Piece, _halved, _linked, first_unproved, step_over_crossing
 from refkin.solving import passages
 from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
@@ -461,6 +461,15 @@ def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branch
     sweep.uncertified[:], sweep.certified = [2], True
 
     assert _first_unproved(sweep, times) == gap
+
+
+@pytest.mark.parametrize("half", [0.1, 1e-9])
+def test_a_crossing_in_the_middle_of_a_step_is_in_it_however_short_it_is(half):
+    """Poses beside it are found to the root of round-off, which is more than a short step moves."""
+    flat = math.pi - 0.5
+    sweep, _ = stepped(PARALLELOGRAM, ("open", "open"), (flat - half, flat + half))
+
+    assert step_over_crossing(sweep.system, sweep.t, np.array(sweep.q).T, [0]) == 0
 
 
 def test_the_worse_of_two_bounds_widens_a_tube():
