@@ -247,29 +247,29 @@ class Tabulated:
     """A law whose values are kept; at `times`, those that will be asked for, it is asked once for all of them."""
 
     def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
-        self.law, self._times = law, tuple(times)
-        self._values = dict[int, dict[float, float]]()
-        self._rows = dict[tuple[int, bytes], Array]()
+        self.law, self._times = law, np.array(times, float)
+        self._places = {t: k for k, t in enumerate(self._times.tolist())}
+        self._tables = dict[int, Array]()
+        self._values = dict[tuple[int, Any], Any]()
 
     def __call__(self, t: Any, order: int) -> Any:
         """Return the derivative of the given order at a time, or at times (B,): then read-only."""
-        if isinstance(t, float):
-            known = self._values.setdefault(order, {})
-            if t not in known:
-                known[t] = float(self.law(t, order))
-            return known[t]
-        key = order, t.tobytes()
-        if key not in self._rows:
-            self._rows[key] = self._row(t.tolist(), order)
-        return self._rows[key]
+        key = order, t if isinstance(t, float) else t.tobytes()
+        if key not in self._values:
+            self._values[key] = float(self.law(t, order)) if isinstance(t, float) else self._row(t, order)
+        return self._values[key]
 
-    def _row(self, times: list[float], order: int) -> Array:
-        known = self._values.setdefault(order, {})
-        new = [t for t in times if t not in known]
-        if new:
-            asked = new if known else list(dict.fromkeys((*self._times, *new)))
-            values = np.broadcast_to(self.law(np.array(asked), order), len(asked))
-            known.update(zip(asked, values.tolist(), strict=True))
-        row = np.array([known[t] for t in times])
+    def _row(self, t: Array, order: int) -> Array:
+        places = [self._places.get(at) for at in t.tolist()]
+        if None in places:
+            row = self._asked(t, order)
+        else:
+            if order not in self._tables:
+                self._tables[order] = self._asked(self._times, order)
+            row = self._tables[order].take(places)  # type: ignore[arg-type]
         row.flags.writeable = False
         return row
+
+    def _asked(self, t: Array, order: int) -> Array:
+        values = np.array(self.law(t, order), float)
+        return values if values.shape == t.shape else np.full(t.shape, values)
