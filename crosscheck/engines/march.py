@@ -17,7 +17,7 @@ Nothing here knows an engine: poses are those of `Equations` (`poses`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,7 +113,7 @@ def march(
     resumes : bool
         Whether a motion that ended goes on at a later time whose pose is near the last one again.
     """
-    t, k, path, halvings = np.asarray(times, float), 0, list[Poses](), HALVINGS
+    t, k, path, halvings, tried = np.asarray(times, float), 0, list[Poses](), HALVINGS, 1
     last: Poses | None = None
     ahead: Poses | None = None
     with np.errstate(all="ignore"):  # a Newton that runs away is a status, not a warning
@@ -129,7 +129,11 @@ def march(
                     last, k = path[-1][-1:] if count else last, k + count
                 if k == len(t):
                     break
-                pose = advance(equations, last, t[k], halvings)
+                tried = 1 if halvings == HALVINGS or hasattr(equations, "closed") else 2 * tried
+                poses = advance(equations, last, t[k : k + tried], halvings)
+                lost = int(np.argmax(np.append(poses.known[:-1], True)))
+                path.append(poses[:lost])
+                pose, k = poses[lost : lost + 1], k + lost
                 if resumes and halvings != HALVINGS and not pose.known[0]:
                     pose = _near_again(equations, last, t[k])
             path.append(pose)
@@ -327,12 +331,39 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 # one step after another
 
 
-def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVINGS) -> Poses:
-    """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts.
+def advance(equations: Equations, last: Poses, times: Array, halvings: int = HALVINGS) -> Poses:
+    """Return the poses at times (B,) on the branch of `last`, where there is one: each on a way of its own (`_way`).
+
+    The next pose of every way that has not ended is closed together with those of the others.
+    """
+    ways = [_way(equations, last, t, halvings) for t in times.tolist()]
+    poses, asked = [last] * len(ways), {k: next(way) for k, way in enumerate(ways)}
+    while asked:
+        guesses, targets, near = zip(*asked.values(), strict=True)
+        before = Poses.joined(near)
+        pose = close(equations, np.concatenate(guesses), np.array(targets), near=before.q)
+        off = np.where(pose.regular, 0.0, SINGULAR)
+        joined = pose.known & connected(before.inverse, pose.jacobian, off)
+        for at, k in enumerate(tuple(asked)):
+            try:
+                asked[k] = ways[k].send((pose[at : at + 1], bool(joined[at])))
+            except StopIteration as end:
+                poses[k] = end.value
+                del asked[k]
+    return Poses.joined(poses)
+
+
+def _way(
+    equations: Equations, last: Poses, t: float, halvings: int
+) -> Generator[tuple[Array, float, Poses], tuple[Poses, bool], Poses]:
+    """Return the pose at t on the branch of a pose, if there is one: by steps halved until Newton contracts.
 
     A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
     the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. What did not go so
     is tried along the tangent. It ends where a singular pose follows on a short step, or none on the shortest.
+
+    Yields a guess (1, n), its time and the pose that it starts from; is sent the pose that Newton makes of it, and
+    whether the two are `connected`.
     """
     first, step, failed = last, t - float(last.t[0]), False
     before, end = last, math.inf
@@ -342,10 +373,7 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         if not failed:
             step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
         target = min(t, now + step)
-        guess = _ahead(before, last, math.inf if failed else end, target)
-        pose = close(equations, guess, np.array([target]), near=last.q)
-        off = 0.0 if pose.regular[0] else SINGULAR
-        joined = bool(pose.known[0] and connected(last.inverse, pose.jacobian, off)[0])
+        pose, joined = yield _ahead(before, last, math.inf if failed else end, target), target, last
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
@@ -388,7 +416,7 @@ def _near_again(equations: Equations, last: Poses, t: float) -> Poses:
     return pose if good else nowhere(last, t)
 
 
-def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
+def connected(inverse: Array, other: Array, off: Any = 0.0) -> Any:
     """Return whether every matrix on the straight line from a Jacobian to another is regular, for B of them.
 
     Another branch lies beyond a singular pose, where an eigenvalue of J changes its sign. Where branches nearly meet,
@@ -402,7 +430,7 @@ def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
         Inverses of the ones.
     other : (B, m, n) array
         The others.
-    off : float
+    off : float, or (B,) array
         How far the others may be off: as much may an eigenvalue lie left of zero.
     """
     change = inverse @ other
@@ -414,9 +442,9 @@ def _from_one(change: Array) -> Array:
     return norm(change - np.eye(change.shape[1]))
 
 
-def _stays_regular(change: Array, size: Array, inverse: Array, off: float = 0.0) -> Any:
+def _stays_regular(change: Array, size: Array, inverse: Array, off: Any = 0.0) -> Any:
     """Return what `connected` does, from J^-1 J' and by how much it differs from 1."""
-    near = size < 1.0
+    near, off = size < 1.0, np.broadcast_to(off, size.shape)
     for k in np.flatnonzero(~near & np.isfinite(size)):
-        near[k] = (np.linalg.eigvals(change[k]).real > -off * np.linalg.norm(inverse[k])).all()
+        near[k] = (np.linalg.eigvals(change[k]).real > -off[k] * np.linalg.norm(inverse[k])).all()
     return near

@@ -207,6 +207,32 @@ def test_a_time_without_answer_does_not_end_the_march() -> None:
     assert (result.status, result.levels[0][0, 2]) == ((OK, LOST, OK), 1.0)
 
 
+def interrupted(until: float) -> Toy:
+    """x = t^2 / 2, but no answer after t = 0.3 and before another time."""
+    return straight(
+        phi=lambda q, t: [math.nan if 0.3 < t < until else q[0] - 0.5 * t * t],
+        rate=lambda t: [t],
+    )
+
+
+def test_where_a_motion_goes_on_the_times_after_follow_from_there() -> None:
+    """From 0.3 a step to 1 can be trusted, one to 1.2 cannot, nor can it be halved."""
+    times = [0.0, 0.3, 0.5, 0.6, 0.7, 0.8, 1.0, 1.2, 1.4]
+
+    assert run(interrupted(until=1.0), times).status == (OK, OK, *[LOST] * 4, OK, OK, OK)
+
+
+def test_times_without_answer_are_tried_together() -> None:
+    def batches(times: Any) -> int:
+        asked, equations = list[int](), interrupted(until=math.inf).equations
+        rows = equations.rows
+        equations.rows = lambda q, t: (asked.append(len(t)), rows(q, t))[1]  # type: ignore[method-assign, func-returns-value]
+        march(equations, np.zeros(1), [0.0, 0.3, *times], 0)
+        return len(asked)
+
+    assert batches(np.linspace(0.4, 2.0, 80)) < 2 * batches(np.linspace(0.4, 2.0, 10))
+
+
 def test_a_first_time_without_answer_does_not_end_the_march() -> None:
     toy = straight(phi=lambda q, t: [math.nan if t == 0.0 else q[0] - t])
 
