@@ -11,7 +11,9 @@ constraint force moves them; stepping starts at a closed pose with consistent ve
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -20,10 +22,9 @@ import pinocchio as pin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Model, Use, of_routes
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
-from crosscheck.engines.pinocchio.rows import element_rows
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
-from crosscheck.engines.tree.newton import NOBODY, Clockwork, Loops, Tree, newton_methods, solved_one
+from crosscheck.engines.tree.newton import NOBODY, Clockwork, Loops, Tree, newton_methods
 from refkin.joints import PointsCoincide
 from refkin.model import Scene
 
@@ -186,77 +187,104 @@ def _direct(limit: float, scene: Scene) -> Model:
 
 
 class Direct:
-    """One mechanism, pose after pose."""
+    """One mechanism, pose after pose; in scalars, as an array of so few numbers costs more than what is done to it.
+
+    Each loop is one anchor of Pinocchio's: where it is placed it has the gap, its Jacobian and, where nothing
+    accelerates the tree, the acceleration of the gap, all three in axes of the same frame.
+    """
 
     def __init__(self, loops: Loops, limit: float) -> None:
-        self.loops, self.limit, self.t = loops, limit, loops.tree.scene.times
         engine: Any = loops.tree.engine
-        joints, self.planar = engine.tree, engine.planar
-        self.ends = [element_rows(self.planar, element, joints.scaled) for element in joints.closures]
-        self.start, self.held, self.free = joints.start(), loops.clock.columns, loops.free
-        self.values = loops.clock.values[:, :, 0]
-        self.still = np.zeros(joints.width)
+        self.limit, self.t, self.planar = limit, loops.tree.scene.times, engine.planar
+        self.start = loops.tree.start().tolist()
+        self.held, self.free = loops.clock.columns.tolist(), loops.free.tolist()
+        self.values = loops.clock.values[:, :, 0].tolist()
+        self.anchors = [self._anchor(contact) for contact in engine.contacts()[0]]
+
+    def _anchor(self, contact: Any) -> tuple[Any, ...]:
+        """Return what places an anchor, what gives its Jacobian, and views of its gap and the gap's acceleration."""
+        model, ends = self.planar.model, ("joint1_id", "joint1_placement", "joint2_id", "joint2_placement")
+        anchor = pin.PointAnchorConstraintModel(model, *(getattr(contact, end) for end in ends))
+        of_pose = anchor.createData()
+        place, slopes = (partial(of, model, self.planar.data, of_pose) for of in (anchor.calc, anchor.jacobian))
+        return place, slopes, of_pose.constraint_position_error, of_pose.constraint_acceleration_error
 
     def solve(self, order: int) -> list[Any]:
         """Return tree coordinates and rates (n, T) up to an order; NaN from where Newton does not converge."""
-        out = np.full((order + 1, len(self.start), len(self.t)), np.nan)
-        q, v, before = self.start.copy(), self.still, self.still
-        for k in range(len(self.t)):
-            if k:
-                h = self.t[k] - self.t[k - 1]
-                q = q + h * (v + 0.5 * h * self._bend(out, k, v, before))
-            jacobian = self._close(q, k)
-            if jacobian is None:
-                break
+        poses: list[list[list[float]]] = []
+        with suppress(ZeroDivisionError, np.linalg.LinAlgError):  # a singular pose, beyond which it does not go
+            for pose in self._poses(order):
+                poses.append(pose)
+        out = np.full((len(self.t), order + 1, len(self.start)), np.nan)
+        if poses:
+            out[: len(poses)] = poses
+        return list(out.transpose(1, 2, 0))
+
+    def _poses(self, order: int) -> Iterator[list[list[float]]]:
+        """Yield coordinates and rates up to an order, each pose from where all that is known of the last one leads."""
+        still = [0.0] * len(self.start)
+        known, before = [self.start, still, still, still], 0.0
+        for t, *given in zip(self.t, *self.values, strict=True):
+            h = t - before
+            q = np.array([x + h * (v + h * (a / 2.0 + h * j / 6.0)) for x, v, a, j in zip(*known, strict=True)])
+            rows = self._close(q, given[0])
+            if rows is None:
+                return
             if order:
-                jacobian = self._closure(q)[1]
-            before, v = v, self._velocity(jacobian, self.values[1, k])
-            for level, row in zip(out, (q, v), strict=False):
-                level[:, k] = row
+                rows = self._closure(q)[1]
+            pose = [q.tolist(), self._rates(rows, given[1], [0.0] * len(rows))]
             if order > 1:
-                out[2, :, k] = self._acceleration(jacobian, q, v, self.values[2, k])
-        return list(out)
+                self.planar.move(q, np.array(pose[1]))
+                pose.append(self._rates(rows, given[2], self._drift()))
+            yield pose[: order + 1]
+            pairs = zip(pose[-1], known[len(pose) - 1], strict=True)
+            slope = still if known[0] is self.start else [(x - y) / h for x, y in pairs]
+            known, before = [*pose, slope, still][:4], t
 
-    def _bend(self, out: Any, k: int, v: Any, before: Any) -> Any:
-        """Return the acceleration at the last time, or how the last two velocities differ."""
-        if len(out) > 2:
-            return out[2, :, k - 1]
-        return (v - before) / (self.t[k - 1] - self.t[k - 2]) if k > 1 else self.still
-
-    def _close(self, q: Any, k: int) -> Any:
-        """Close the loops at a time from q, which is changed; return the last Jacobian, None without convergence."""
-        q[self.held] = self.values[0, k]
+    def _close(self, q: Any, held: list[float]) -> list[list[float]] | None:
+        """Close the loops from q, which is changed; return the last Jacobian, None without convergence."""
+        for column, value in zip(self.held, held, strict=True):
+            q[column] = value
         for _ in range(MOST_NEWTON):
-            gap, jacobian = self._closure(q)
-            step = solved_one(jacobian[:, self.free], gap)
-            q[self.free] -= step
-            if max(map(abs, step.tolist())) <= self.limit:
-                return jacobian
+            gaps, rows = self._closure(q)
+            step = self._solved(rows, gaps)
+            for column, x in zip(self.free, step, strict=True):
+                q[column] -= x
+            if max(map(abs, step)) <= self.limit:
+                return rows
         return None
 
-    def _velocity(self, jacobian: Any, rate: Any) -> Any:
-        v = np.empty(len(self.start))
-        v[self.held] = rate
-        v[self.free] = -solved_one(jacobian[:, self.free], jacobian[:, self.held] @ rate)
-        return v
+    def _rates(self, rows: list[list[float]], held: list[float], drift: list[float]) -> list[float]:
+        """Return the rates (n,) for which rows and drift make 0, from those of the prescribed coordinates."""
+        rates = [0.0] * len(self.start)
+        for column, rate in zip(self.held, held, strict=True):
+            rates[column] = rate
+        right = [sum(map(mul, row, rates), more) for row, more in zip(rows, drift, strict=True)]
+        for column, x in zip(self.free, self._solved(rows, right), strict=True):
+            rates[column] = -x
+        return rates
 
-    def _acceleration(self, jacobian: Any, q: Any, v: Any, rate: Any) -> Any:
-        self.planar.move(q, v)
-        a = np.empty(len(self.start))
-        a[self.held] = rate
-        a[self.free] = -solved_one(jacobian[:, self.free], self._drift() + jacobian[:, self.held] @ rate)
-        return a
+    def _solved(self, rows: list[list[float]], right: list[float]) -> list[float]:
+        """Return the solution in the free columns; of two rows without LAPACK, whose call would take longer."""
+        if len(rows) > 2:
+            solution: list[float] = np.linalg.solve(np.array(rows)[:, self.free], right).tolist()
+            return solution
+        (i, j), (one, other), (x, y) = self.free, rows, right
+        determinant = one[i] * other[j] - one[j] * other[i]
+        return [(other[j] * x - one[j] * y) / determinant, (one[i] * y - other[i] * x) / determinant]
 
-    def _closure(self, q: Any) -> tuple[Any, Any]:
+    def _closure(self, q: Any) -> tuple[list[float], list[list[float]]]:
         """Return the gaps of the loops (2 L,) and their Jacobian (2 L, n)."""
         self.planar.place(q)
-        rows, gaps = [], []
-        for (slopes, _), (at_j, _), (at_i, _) in (row.still for row in self.ends):
-            rows.append(slopes()[:2])  # calculates, and fills the places
-            gaps.append(at_j[:2] - at_i[:2])
-        return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
+        gaps, rows = [], []
+        for place, slopes, gap, _ in self.anchors:
+            place()
+            gaps += gap.tolist()[:2]
+            rows += slopes().tolist()[:2]
+        return gaps, rows
 
-    def _drift(self) -> Any:
+    def _drift(self) -> list[float]:
         """Return the accelerations of the gaps (2 L,) as the model moves."""
-        rows = [np.subtract(*(read()[:2] for read, _ in row.bends)) for row in self.ends]
-        return rows[0] if len(rows) == 1 else np.concatenate(rows)
+        for place, *_ in self.anchors:
+            place()
+        return [x for *_, bend in self.anchors for x in bend.tolist()[:2]]
