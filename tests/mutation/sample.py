@@ -119,6 +119,7 @@ class Run:
         self.given, self.reach, self.mutants, self.outcomes, self.noting = given, reach, [], {}, 0.0
 
     def pytest_runtestloop(self, session):
+        import matplotlib.font_manager  # noqa: F401  lists a fresh machine's fonts by a program, which is forbidden below
         from hypothesis import Phase, settings  # here: pytest is to import it first
 
         settings.register_profile(
@@ -301,7 +302,7 @@ def told(run):
     print("\n".join(f"{key} = {value}" for key, value in {"tried": sum(fates.values()), **fates}.items()))
     print(f"# of those that change an answer {fates['died']} of {fates['died'] + alive} died")
     print(f"# {run.noting:.0f} s of work to know which tests reach what, {cpu() - run.noting:.0f} s to try mutants")
-    return int(bool(unknown or gone))
+    return int(bool(unknown or gone or not run.outcomes))
 
 
 def stale(known):
