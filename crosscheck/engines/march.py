@@ -129,6 +129,7 @@ def march(
                     last, k = path[-1][-1:] if count else last, k + count
                 if k == len(t):
                     break
+                # an engine's own Newton goes from pose to pose, and only it resumes: none of its times is passed over
                 tried = 1 if halvings == HALVINGS or hasattr(equations, "closed") else 2 * tried
                 poses = advance(equations, last, t[k : k + tried], halvings)
                 lost = int(np.argmax(np.append(poses.known[:-1], True)))
