@@ -120,8 +120,9 @@ class System:
         """Return coordinates (order 0) or rates (1, 2) in m, rad: all n, or the bodies'; in place if copy is None."""
         out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
         for k, shift in enumerate(self.unit.origin):
-            at = slice(k, self.of_bodies, self.kind.width)
-            out[at] = out[at] * self.unit.size + (-0.0 if order or not np.any(shift) else shift)  # -0.0 changes no bit
+            at = out[k : self.of_bodies : self.kind.width]
+            at *= self.unit.size
+            at += -0.0 if order or not np.any(shift) else shift  # -0.0 changes no bit
         return out
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
@@ -185,8 +186,7 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     row, n = 0, kind.width * len(bodies)
     for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
         own = owners[constraint.name] = range(n, n + constraint.parameters)
-        shared = owners.get(constraint.shares, ())
-        where = (*(starts[body] for body in constraint.bodies), *own, *shared)
+        where = (*(starts[body] for body in constraint.bodies), *own, *owners.get(constraint.shares, ()))
         placed.append(ConstraintRows(constraint, constraint.constants(unit), row, where))
         row, n = row + constraint.rows, n + len(own)
     return System(mechanism, effects, unit, tuple(placed), n, row, kind)

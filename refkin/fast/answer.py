@@ -11,6 +11,7 @@ check: with t = tan(x / 2) and r = 2 / (1 + t^2) they are cos x = r - 1 and sin 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -215,21 +216,65 @@ def residual(system: System, q: Any, t: Any) -> Any:
     """
     if q.shape[1] == 1:  # number by number; NumPy's calls on rows of one take four times as long
         return np.array([np.max(np.abs(system.phi(q[:, 0], float(np.ravel(t)[0]))))])
-    return residual_of_rows(system, q, t)
+    return residual_of_rows(without_zeros(system), q, t)
 
 
 def residual_of_rows(system: System, q: Any, t: Any) -> Any:
-    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms."""
+    """Return what `residual` does, of a system `without_zeros`; a joint's numbers may be rows: many mechanisms'."""
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
     turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
     rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]
-    values: dict[int | None, Any] = {None: kind.values(*kind.still)}
+    values: dict[int | None, Any] = {None: kind.values(*_nothing_for_zero(kind.still))}
     values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
     values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
     largest = np.zeros(q.shape[1])
     for row in system.rows(values, t, 0, lambda constraint: constraint.residual):
-        np.maximum(largest, np.abs(row), out=largest)
+        np.maximum(largest, abs(row), out=largest)
     return largest
+
+
+def without_zeros(system: System) -> System:
+    """Return the system for `residual_of_rows`: what is 0 in its geometry, in all mechanisms, takes no time there."""
+    return replace(system, placed=tuple(replace(p, g=_nothing_for_zero(p.g)) for p in system.placed))
+
+
+def _nothing_for_zero(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(x if np.any(x) else _NOTHING for x in numbers)
+
+
+class _Nothing:
+    """The number 0 as an arithmetic of its own: NumPy would add it to every number of a row."""
+
+    __array_ufunc__ = None  # a row leaves sums and products with it to it
+
+    def __mul__(self, other: Any) -> Any:
+        return self
+
+    def __add__(self, other: Any) -> Any:
+        return other
+
+    def __sub__(self, other: Any) -> Any:
+        return -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return other
+
+    def __neg__(self) -> Any:
+        return self
+
+    def __abs__(self) -> float:
+        return 0.0
+
+    def cos(self) -> float:
+        return 1.0
+
+    def sin(self) -> Any:
+        return self
+
+    __rmul__, __radd__ = __mul__, __add__
+
+
+_NOTHING = _Nothing()
 
 
 class _Angle(np.ndarray[Any, Any]):

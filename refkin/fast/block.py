@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene
-from refkin.fast.answer import residual_of_rows
+from refkin.fast.answer import residual_of_rows, without_zeros
 from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.run import Workspace
@@ -65,6 +65,7 @@ class Block:
         self.group, self.made, self.samples = group, made, samples
         self.count = samples.stop - samples.start
         self.system = of_samples(group.system, samples)
+        self.checked = without_zeros(self.system)
         self.space = Workspace(made.marching, self.count, sample_geometry=True)
         self.space.give_geometry([p.g for p in self.system.placed], self._profile)
         out = made.marching.outputs
@@ -140,10 +141,10 @@ class Block:
     def _monotonously(self, t: float, alone: Any) -> None:
         """Take all samples to time t, in as many steps as the laws of most of them ask for; the others march alone."""
         start = self.times[-1]
-        asked = np.ones(self.count)
+        asked: Any = np.float64(1.0)
         for a, b in zip(self._values(start), self._values(t), strict=True):
             asked = np.maximum(asked, np.ceil(np.abs(np.subtract(b, a)) / FURTHEST))  # NaN stays, and marches alone
-        count = self._steps(asked[self.alive])
+        count = self._steps(asked)
         hasty = alone | ~(asked <= count)
         for k in range(1, count):
             self._step(start + (t - start) * k / count, hasty)
@@ -153,6 +154,7 @@ class Block:
         """Return how many steps all samples make, so that they, and those alone that ask for more, cost the least."""
         if (asked <= 1.0).all():
             return 1
+        asked = np.broadcast_to(asked, self.count)[self.alive]
         together = PRICE_OF_A_STEP + PRICE_OF_A_SAMPLE * self.count
         alone = np.minimum(np.nan_to_num(asked, nan=1.0), MOST_STEPS_ALONE) * PRICE_ALONE
         counts: set[int] = {1, *np.unique(asked[asked <= MOST_BETWEEN]).astype(int).tolist()}
@@ -272,7 +274,7 @@ class Block:
         if self.proof is not None and not np.all(told):
             told = told | np.isfinite(self.radii(t)[0])
         self.codes[self.alive & ~(told & np.isfinite(np.add.reduce(highest)))] = code
-        self.residual = residual_of_rows(self.system, q, t)
+        self.residual = residual_of_rows(self.checked, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size
             scale = np.max(np.abs(q[:, open_]), axis=0)
@@ -310,12 +312,13 @@ class Block:
 
 
 def _largest(differences: Any) -> Any:
-    return np.maximum.reduce(np.abs(differences))
+    return np.maximum.reduce(np.abs(differences, out=differences))
 
 
 def _combined(factors: list[float], rows: Any) -> Any:
     """Return the sum of factor times row, always in the same order, as BLAS would not."""
     total = factors[0] * rows[0]
+    part = np.empty_like(total)
     for factor, row in zip(factors[1:], rows[1:], strict=True):
-        total += factor * row
+        total += np.multiply(factor, row, out=part)
     return total
