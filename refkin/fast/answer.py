@@ -216,15 +216,15 @@ def residual(system: System, q: Any, t: Any) -> Any:
     """
     if q.shape[1] == 1:  # number by number; NumPy's calls on rows of one take four times as long
         return np.array([np.max(np.abs(system.phi(q[:, 0], float(np.ravel(t)[0]))))])
-    return residual_of_rows(without_zeros(system), q, t)
+    return residual_of_rows(system, q, t)
 
 
 def residual_of_rows(system: System, q: Any, t: Any) -> Any:
-    """Return what `residual` does, of a system `without_zeros`; a joint's numbers may be rows: many mechanisms'."""
+    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms."""
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
     turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
     rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]
-    values: dict[int | None, Any] = {None: kind.values(*_nothing_for_zero(kind.still))}
+    values: dict[int | None, Any] = {None: kind.values(*(x or _NOTHING for x in kind.still))}
     values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
     values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
     largest = np.zeros(q.shape[1])
@@ -234,7 +234,7 @@ def residual_of_rows(system: System, q: Any, t: Any) -> Any:
 
 
 def without_zeros(system: System) -> System:
-    """Return the system for `residual_of_rows`: what is 0 in its geometry, in all mechanisms, takes no time there."""
+    """Return the system for `residual_of_rows` of many mechanisms: what is 0 in all of them takes no time there."""
     return replace(system, placed=tuple(replace(p, g=_nothing_for_zero(p.g)) for p in system.placed))
 
 
