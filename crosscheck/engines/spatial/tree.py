@@ -8,7 +8,7 @@ a row of the equations (`crosscheck.engines.spatial.system`), so that plain Newt
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -87,10 +87,7 @@ class SpaceTree:
     @cached_property
     def depth(self) -> int:
         """The number of bodies in the longest chain."""
-        depths = {GROUND: 0}
-        for edge in self.edges:
-            depths[edge.body] = depths[edge.parent] + 1
-        return max(depths.values())
+        return longest_chain(self.edges)
 
     @cached_property
     def balls(self) -> list[slice]:
@@ -132,6 +129,14 @@ class SpaceTree:
         for edge in self.edges:
             q[edge.slot] = _coordinates(edge, poses[edge.parent], poses[edge.body])
         return q
+
+
+def longest_chain(edges: Iterable[Any]) -> int:
+    """Return how many bodies the longest chain of a tree's edges has, parents before children."""
+    depths = {GROUND: 0}
+    for edge in edges:
+        depths[edge.body] = depths[edge.parent] + 1
+    return max(depths.values())
 
 
 def _coordinates(edge: Edge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> Any:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point
 from crosscheck.engines.spatial.reading import in_space
+from crosscheck.engines.spatial.tree import longest_chain
 from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle, elements_of
 from refkin.model import Mechanism
 
@@ -113,10 +114,7 @@ class JointTree:
     @cached_property
     def depth(self) -> int:
         """The number of bodies in the longest chain."""
-        depths = {GROUND: 0}
-        for edge in self.edges:
-            depths[edge.body] = depths[edge.parent] + 1
-        return max(depths.values())
+        return longest_chain(self.edges)
 
     @cached_property
     def angle_rows(self) -> dict[str, Array]:
