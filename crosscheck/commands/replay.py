@@ -20,7 +20,7 @@ from crosscheck.commands.engines import (
 from crosscheck.commands.usage import Json, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import read
-from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
+from crosscheck.measure.conform import LEVELS, LevelFault, Reply, hard_replies, replies, summary
 from crosscheck.measure.jobs import checkers
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
@@ -113,7 +113,7 @@ def conform(engine: str, *, as_json: Json = False) -> int:
 
 def lines(replied: Sequence[Reply]) -> list[str]:
     """Return in words what is wrong: each kind of fault once, with where it was met and an example."""
-    kinds: dict[tuple[str, str, tuple[str, ...]], list[tuple[str, Fault]]] = {}
+    kinds: dict[tuple[str, str, tuple[str, ...]], list[tuple[str, LevelFault]]] = {}
     for reply in replied:
         for fault in reply.faults:
             kinds.setdefault((fault.level, fault.what, fault.types), []).append((reply.about, fault))

@@ -29,7 +29,7 @@ LEVELS = (*QUANTITIES, STATUS, FORM, ROWS)
 
 
 @dataclass(frozen=True)
-class Fault:
+class LevelFault:
     """Something that an engine got wrong.
 
     Attributes
@@ -58,7 +58,7 @@ class Reply:
     """
 
     about: str
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[LevelFault, ...] = ()
     refusals: tuple[str, ...] = ()
     levels: tuple[str, ...] = ()
 
@@ -92,7 +92,7 @@ def ask(engine: Engine, question: Question) -> Reply:
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
 
 
-def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
+def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
     """Yield what a record says against an engine, of each method the first level alone: the others follow from it."""
     types = {body.name: UnitLength.type for body in scene.mechanism.bodies}  # rows of bodies of space, not of joints
     types |= {c.name: c.type for c in scene.mechanism.constraints}
@@ -105,7 +105,7 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
             beyond.add(wrong.method)
         ratio = "" if wrong.ratio is None else f"{wrong.ratio:.3g} times the allowed error"
         example = "; ".join(filter(None, (wrong.worst if wrong.kind is not Cause.NOT_DELIVERED else "", ratio)))
-        yield Fault(level, _words(wrong), example, tuple(dict.fromkeys(types[n] for n in wrong.violated)))
+        yield LevelFault(level, _words(wrong), example, tuple(dict.fromkeys(types[n] for n in wrong.violated)))
 
 
 def _words(wrong: Disagreement) -> str:
@@ -117,19 +117,19 @@ def _words(wrong: Disagreement) -> str:
     return f"{subject}{text} (method {wrong.method!r})"
 
 
-def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:
+def _form_faults(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
     """Yield what is wrong with the form of an engine's answers; nothing if it refuses or fails, which `check` says."""
     names = [method.name for method in engine.routes()]
     if not names or len(set(names)) < len(names):
-        yield Fault(FORM, f"routes(): expected one or more, each with a name of its own, got {names}")
+        yield LevelFault(FORM, f"routes(): expected one or more, each with a name of its own, got {names}")
         return
     if not isinstance(engine.version(), str):
-        yield Fault(FORM, f"version(): expected a text, got {engine.version()!r}")
+        yield LevelFault(FORM, f"version(): expected a text, got {engine.version()!r}")
     try:
         motion = engine.solve(scene, engine.routes()[0])
     except Exception:  # a refusal, or what `check` meets again and names
         return
-    yield from (Fault(FORM, f"solve(): {why}") for why in misshapen(scene, motion))
+    yield from (LevelFault(FORM, f"solve(): {why}") for why in misshapen(scene, motion))
 
 
 @lru_cache(maxsize=1)
@@ -150,7 +150,7 @@ def replies(spec: str) -> Iterator[Reply]:
     jobs = [(spec, about) for about in _asked()]
     for (_, about), answer in zip(jobs, call_in_turn(reply, jobs, SECONDS), strict=True):
         if isinstance(answer, Failure):
-            answer = Reply(about, (Fault(STATUS, f"{answer.kind}", f"{answer.name}: {answer.text}"),))
+            answer = Reply(about, (LevelFault(STATUS, f"{answer.kind}", f"{answer.name}: {answer.text}"),))
         yield answer
 
 
@@ -165,7 +165,7 @@ def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
             continue
         wrong = row["verdict"] in BAD and row["class"] is None
         what = {HardOutcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
-        faults = (Fault(STATUS, f"{what} (method {row['method']!r})", row["note"]),) if wrong else ()
+        faults = (LevelFault(STATUS, f"{what} (method {row['method']!r})", row["note"]),) if wrong else ()
         yield Reply(about, faults, levels=(QUANTITIES[0],))
 
 

@@ -75,7 +75,7 @@ def reached(counts: Mapping[int, int], percent: int) -> int | None:
 
 
 @dataclass(frozen=True)
-class Place:
+class RecordLine:
     """Where a number was met: record, scene, line of records.jsonl."""
 
     key: str
@@ -88,7 +88,7 @@ class WorstSample:
     """The largest error / allowed and the sample it was met at: a coordinate and a time, or a row."""
 
     ratio: float
-    place: Place
+    place: RecordLine
     at: At | None
 
     def described(self) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def sample(at: At | None) -> dict[str, Any]:
     return {"component": None, "time": None} if at is None else asdict(at)
 
 
-def worse(so_far: WorstSample | None, ratio: float | None, place: Place, at: At | None) -> WorstSample | None:
+def worse(so_far: WorstSample | None, ratio: float | None, place: RecordLine, at: At | None) -> WorstSample | None:
     """Return the larger of two ratios with its sample; NaN and None are no ratios."""
     if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
         return so_far
@@ -128,9 +128,9 @@ class Cell:
     failures: int = 0
     known_gaps: int = 0
     worst: WorstSample | None = None
-    least: tuple[float, Place] | None = None
+    least: tuple[float, RecordLine] | None = None
 
-    def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: Place) -> None:
+    def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: RecordLine) -> None:
         """Count one scene's digits."""
         self.scenes += 1
         for decade, histogram in histograms.items():
@@ -139,7 +139,7 @@ class Cell:
         if least is not None and (self.least is None or least / 10 < self.least[0]):
             self.least = (least / 10, place)
 
-    def meet(self, ratio: float | None, place: Place, at: At | None) -> None:
+    def meet(self, ratio: float | None, place: RecordLine, at: At | None) -> None:
         """Keep a ratio if it is the largest so far."""
         self.worst = worse(self.worst, ratio, place, at)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import Cause, Disagreement, NewCase, Record
-from crosscheck.report.cells import Place, WorstSample, sample, worse
+from crosscheck.report.cells import RecordLine, WorstSample, sample, worse
 from crosscheck.scenes.names import QUANTITIES
 
 MOST_EXAMPLES = 5
@@ -33,7 +33,7 @@ class DisagreementGroup:
     worst: WorstSample | None = None
     examples: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, place: Place, disagreement: Disagreement, extra: Mapping[str, Any]) -> None:
+    def add(self, place: RecordLine, disagreement: Disagreement, extra: Mapping[str, Any]) -> None:
         """Count one more; a shrunk example goes first."""
         self.scenes += 1
         self.worst = worse(self.worst, disagreement.ratio, place, disagreement.at)
@@ -72,7 +72,7 @@ class Disagreements:
         self.new: Counter[str] = Counter()
         self.known = 0
 
-    def add(self, place: Place, record: Record) -> list[tuple[Disagreement, bool]]:
+    def add(self, place: RecordLine, record: Record) -> list[tuple[Disagreement, bool]]:
         """Count the disagreements of one record and return each with whether it is new."""
         disagreements = [*record.disagreements, *implied(record)]
         sorted_out = []
@@ -89,7 +89,7 @@ class Disagreements:
         rest = []
         for identity, case in self.reported.items():
             if identity not in self.seen:
-                self._count(Place(case.key, "", 0), case.disagreement, None, self._files(identity))
+                self._count(RecordLine(case.key, "", 0), case.disagreement, None, self._files(identity))
                 rest.append(case.disagreement)
         return rest
 
@@ -110,7 +110,9 @@ class Disagreements:
                 return gap
         return None
 
-    def _count(self, place: Place, disagreement: Disagreement, gap: KnownGap | None, extra: Mapping[str, Any]) -> None:
+    def _count(
+        self, place: RecordLine, disagreement: Disagreement, gap: KnownGap | None, extra: Mapping[str, Any]
+    ) -> None:
         which = None if gap is None else self.gaps.index(gap)
         group = self.groups.setdefault((disagreement.signature, which), DisagreementGroup(disagreement.signature, gap))
         group.add(place, disagreement, extra)
@@ -187,7 +189,7 @@ class Features:
     def __init__(self) -> None:
         self.rows: dict[tuple[str, str], _Feature] = {}
 
-    def add(self, record: Record, place: Place) -> None:
+    def add(self, record: Record, place: RecordLine) -> None:
         """Count the answers of one record."""
         for answer in record.answers:
             if answer.feature:

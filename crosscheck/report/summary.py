@@ -15,7 +15,7 @@ from typing import Any
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
-from crosscheck.report.cells import Cell, MethodTotals, Place
+from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.disagreements import Disagreements, Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured
 from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
@@ -73,7 +73,7 @@ class Summary:
             self.repeated += 1
             return
         self.keys.add(record.key)
-        place = Place(record.key, record.scene, line)
+        place = RecordLine(record.key, record.scene, line)
         self.coverage.add(record.about, record.reference)
         self.together.add(record.about)
         self.features.add(record, place)
@@ -96,7 +96,7 @@ class Summary:
             self.silent.add(place, disagreement)
         self._blame(blamed)
 
-    def _add_answers(self, record: Record, place: Place, sigma_decade: int | None) -> None:
+    def _add_answers(self, record: Record, place: RecordLine, sigma_decade: int | None) -> None:
         for answer in record.answers:
             engine, method = answer.engine, answer.method.name
             self.versions.setdefault(engine, Counter())[answer.version] += 1

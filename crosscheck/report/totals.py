@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any
 
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, Answer, Disagreement, Record, ReferenceRow, RefusalRow
-from crosscheck.report.cells import Digits, Place, describe
+from crosscheck.report.cells import Digits, RecordLine, describe
 from crosscheck.scenes.names import CELL, cell_of, features_of
 
 MOST_VALUES = 60
@@ -190,7 +190,7 @@ class Silent:
     def __init__(self) -> None:
         self.scenes: dict[Who, dict[str, set[str]]] = {}
 
-    def add(self, place: Place, wrong: Disagreement) -> None:
+    def add(self, place: RecordLine, wrong: Disagreement) -> None:
         """Count a disagreement; having no answer, or being ended, is not silent."""
         if wrong.quantity != "status":
             self.scenes.setdefault((wrong.engine, wrong.method), {}).setdefault(wrong.name, set()).add(place.key)
@@ -209,9 +209,9 @@ class ReferenceTotals:
         self.verdicts: Counter[str] = Counter()
         self.statuses: Counter[str] = Counter()
         self.seconds = 0.0
-        self.largest: dict[str, tuple[float, Place]] = {}
-        self.radii: dict[str, tuple[float, Place]] = {}
-        self.smallest_sigma: tuple[float, Place] | None = None
+        self.largest: dict[str, tuple[float, RecordLine]] = {}
+        self.radii: dict[str, tuple[float, RecordLine]] = {}
+        self.smallest_sigma: tuple[float, RecordLine] | None = None
         self.sharpness: dict[str, list[tuple[float, float]]] = {}
 
     @property
@@ -219,7 +219,7 @@ class ReferenceTotals:
         """How many configurations the scenes ask for."""
         return self.statuses.total()
 
-    def add(self, row: ReferenceRow, place: Place) -> None:
+    def add(self, row: ReferenceRow, place: RecordLine) -> None:
         """Count one scene."""
         self.verdicts[row.verdict] += 1
         self.statuses.update(row.statuses)
@@ -260,5 +260,5 @@ def _sharpness(met: Sequence[tuple[float, float]]) -> dict[str, Any]:
     }
 
 
-def _with_place(extreme: tuple[float, Place] | None) -> dict[str, Any] | None:
+def _with_place(extreme: tuple[float, RecordLine] | None) -> dict[str, Any] | None:
     return {"value": extreme[0], **vars(extreme[1])} if extreme else None

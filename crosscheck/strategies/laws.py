@@ -17,7 +17,7 @@ from hypothesis.strategies import DrawFn
 from scipy.interpolate import CubicSpline
 
 from crosscheck.strategies.linkages import AnyLinkage
-from crosscheck.strategies.variety import Model
+from crosscheck.strategies.variety import LinkageModel
 from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, XDriver, YDriver
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import SliderCrank, law_keys
@@ -146,7 +146,7 @@ def _itself(value: float) -> float:
 
 
 @dataclass(frozen=True)
-class Drive:
+class InputDriver:
     """How an input is held: `to` gives the driven coordinate at an input, `back` the input at a coordinate.
 
     It is the input's angle; or, of a pin, x, y or, with an anchor, the distance from a point of the ground.
@@ -158,7 +158,7 @@ class Drive:
     to: Callable[[float], float] = _itself
     back: Callable[[float], float] = _itself
 
-    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
+    def driver(self, model: LinkageModel, pair: tuple[str, str], law: Law, turned: float) -> Driver:
         """Return the driver of the pair (driven, relative_to) in a model whose frames turn their angle by `turned`."""
         if not self.pin:
             held: dict[str, Any] = {"body": pair[0], "relative_to": pair[1], **law_keys(moved(law, turned))}
@@ -172,7 +172,7 @@ class Drive:
         return driver
 
 
-def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> Drive:
+def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> InputDriver:
     """Return the drive of a crank by its angle, or by x, y (whichever changes faster) or a distance of its pin.
 
     The distance is that from a point 2 radii from the centre, a quarter turn ahead of the pin at `middle`.
@@ -186,24 +186,26 @@ def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> Drive:
             corner = math.acos((coordinate - pivot) / r)
             return nearest(middle, axis + corner, axis - corner)
 
-        return Drive(XDriver if is_x else YDriver, "crank", to=lambda phi: pivot + r * math.cos(phi - axis), back=angle)
+        return InputDriver(
+            XDriver if is_x else YDriver, "crank", to=lambda phi: pivot + r * math.cos(phi - axis), back=angle
+        )
     if kind == "distance":
         anchor = complex(*linkage.origin) + cmath.rect(2 * r, middle + math.pi / 2)
-        return Drive(
+        return InputDriver(
             DistanceDriver,
             "crank",
             (anchor.real, anchor.imag),
             to=lambda phi: r * abs(2 - cmath.rect(1.0, phi - middle - math.pi / 2)),
             back=lambda distance: middle + math.pi / 2 - math.acos((5 - (distance / r) ** 2) / 4),
         )
-    return Drive()
+    return InputDriver()
 
 
-def slider_drive(linkage: SliderCrank, kind: str) -> Drive:
+def slider_drive(linkage: SliderCrank, kind: str) -> InputDriver:
     """Return the drive of a slider by x or y (whichever changes faster) or a distance of the wrist pin."""
     if kind == "distance":
         behind, aside = -1.5 * (linkage.crank + linkage.rod), linkage.crank
-        return Drive(
+        return InputDriver(
             DistanceDriver,
             "slider",
             linkage.place(complex(behind, linkage.offset + aside)),
@@ -214,7 +216,7 @@ def slider_drive(linkage: SliderCrank, kind: str) -> Drive:
     cosine, sine = math.cos(linkage.angle), math.sin(linkage.angle)
     is_x = abs(cosine) >= abs(sine)
     foot, slope = (x, cosine) if is_x else (y, sine)
-    return Drive(
+    return InputDriver(
         XDriver if is_x else YDriver,
         "slider",
         to=lambda s: foot + slope * s,

@@ -11,7 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.laws import WIDEST, Drive, crank_drive, draw_law, slider_drive
+from crosscheck.strategies.laws import WIDEST, InputDriver, crank_drive, draw_law, slider_drive
 from crosscheck.strategies.linkages import (
     AnyLinkage,
     Decades,
@@ -59,7 +59,7 @@ class Drawn:
     branch: Branch
     hardness: Hardness
     span: tuple[float, float]
-    drive: Drive
+    drive: InputDriver
     law: Law
     variant: Variant
 
@@ -169,13 +169,13 @@ def scenes_of(
 
 def _draw_drive(
     draw: DrawFn, linkage: AnyLinkage, pair: Input, hard: Hardness, decades: Decades
-) -> tuple[Drive, tuple[float, float]]:
+) -> tuple[InputDriver, tuple[float, float]]:
     held_by = draw(HELD_BY.get(pair, st.just("angle")), label="held by")
     on_circle = held_by != "angle" and pair[0] == "crank"
     span = draw_span(draw, linkage, pair, hard, decades, WIDEST if on_circle else math.inf)
     if isinstance(linkage, SliderCrank) and pair[0] == "slider":
         return slider_drive(linkage, held_by), span
-    return crank_drive(linkage, held_by, sum(span) / 2) if on_circle else Drive(), span
+    return crank_drive(linkage, held_by, sum(span) / 2) if on_circle else InputDriver(), span
 
 
 HELD_BY = {
@@ -185,7 +185,7 @@ HELD_BY = {
 
 
 def _draw_motion(
-    draw: DrawFn, drive: Drive, span: tuple[float, float], samples: int, monotone: bool
+    draw: DrawFn, drive: InputDriver, span: tuple[float, float], samples: int, monotone: bool
 ) -> tuple[Law, list[float]]:
     """Draw a law of what the drive holds, and the times: from 0 on, or from a part of the duration."""
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")

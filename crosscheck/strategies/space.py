@@ -17,7 +17,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from crosscheck.strategies.laws import draw_law
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
-from crosscheck.strategies.space_plans import Array, Plan, Pose, Region, direction, turn
+from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, turn
 from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, Screw, SpatialAngleDriver, SpatialDistanceDriver, Universal
 from refkin.joints.spatial_frames import parameters_of
@@ -70,7 +70,7 @@ def _spatial(
     return Spatial(scene, kind, branch, plan.room, plan.region)
 
 
-def _scene(draw: DrawFn, plan: Plan, law: Law, size: float, times: tuple[float, ...], name: str) -> Scene:
+def _scene(draw: DrawFn, plan: SpacePlan, law: Law, size: float, times: tuple[float, ...], name: str) -> Scene:
     """Return the scene of a plan: somewhere on the ground, its bodies with frames of their own."""
     place, apart = np.eye(3), np.zeros(3)
     if draw(st.booleans(), label="somewhere else"):
@@ -83,7 +83,7 @@ def _scene(draw: DrawFn, plan: Plan, law: Law, size: float, times: tuple[float, 
             a = a @ turn(direction(draw, f"axis of {body}"), draw(ANGLES, label=f"turn of {body}"))
             r = r + np.array([draw(COORDINATES, label=f"frame of {body}") for _ in range(3)])
         frames[body] = (size * (apart + place @ r), place @ a)
-    pose = Pose(frames, place, apart, size)
+    pose = SpaceAssembly(frames, place, apart, size)
     plan.joints(pose)
     bodies = tuple(Body(name=body, estimate=_rough(*frames[body], size)) for body in plan.bodies)
     drivers: list[Any] = [joint for joint in pose.joints if isinstance(joint, SpatialDistanceDriver)]

@@ -16,10 +16,10 @@ from crosscheck.strategies.space_plans import (
     GRID,
     ROOM,
     Array,
-    Circle,
-    Plan,
-    Pose,
     Region,
+    RockerCircle,
+    SpaceAssembly,
+    SpacePlan,
     X,
     Z,
     coupler_frame,
@@ -52,12 +52,12 @@ NEARLY_ALIKE = (1.0, 2.0)
 """Decades of what the twists of a Bennett linkage may differ by [rad]; its speeds go up to one over that."""
 
 
-def _to_tip(circle: Circle) -> Callable[[Array], tuple[Array, Array]]:
+def _to_tip(circle: RockerCircle) -> Callable[[Array], tuple[Array, Array]]:
     """Return what says how near and how far a crank's tip is from a circle."""
     return lambda angles: circle.reach(crank(angles))
 
 
-def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     whole = rod_is_a_body(draw)
     for _ in range(TRIES):
         circle = drawn_rocker(draw, region, decades)
@@ -69,7 +69,7 @@ def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
     return _assembled(linkage, span, sign, room, there)
 
 
-def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     axis, whole = joint_frame(direction(draw, "axis of the slide") + 0.125 * X, None), rod_is_a_body(draw)
     foot = np.array([draw(COORDINATES, label="offset of the slide") for _ in range(3)])
 
@@ -103,15 +103,15 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
     if whole:
         bodies["coupler"] = coupler_frame((tip, end))
 
-    def joints(pose: Pose) -> None:
+    def joints(pose: SpaceAssembly) -> None:
         pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
         link(pose, "crank", "slider", (tip, end), "coupler", whole)
         pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
 
-    return Plan(bodies, joints, "R1", span, max(room, 1e-12), region)
+    return SpacePlan(bodies, joints, "R1", span, max(room, 1e-12), region)
 
 
-def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     alpha = draw(st.floats(0.25, 0.75), label="first twist")
     if region is Region.ALIKE:
         beta = alpha + draw_power_of_ten(draw, NEARLY_ALIKE, "decade")
@@ -125,7 +125,7 @@ def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
     return _assembled(Bennett(1.0, alpha, beta), (first, first + end - begin), sign, room, region)
 
 
-def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """One Hooke joint between two shafts that cross: two rows more than are independent."""
     near = (
         draw_power_of_ten(draw, decades, "decade")
@@ -141,15 +141,15 @@ def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     fork = np.cross(n, pin) / np.linalg.norm(np.cross(n, pin))
     bodies = {"input": (np.zeros(3), turn(Z, span[0])), "output": (np.zeros(3), joint_frame(n, fork))}
 
-    def joints(pose: Pose) -> None:
+    def joints(pose: SpaceAssembly) -> None:
         pose.add(SpatialRevolute, "R1", GROUND, "input", -Z, Z, zero_i=X, zero_j=pin)
         pose.add(Universal, "U", "input", "output", np.zeros(3), pin, axis_j=fork)
         pose.add(SpatialRevolute, "R2", GROUND, "output", n, n)
 
-    return Plan(bodies, joints, "R1", span, near, region)
+    return SpacePlan(bodies, joints, "R1", span, near, region)
 
 
-def _double_hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _double_hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """Two shafts and a link between them, a universal joint at either end; the output may shift."""
     bends = [
         sign * draw(st.floats(0.125, 1.0), label="angle of the link"),
@@ -168,16 +168,16 @@ def _double_hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[floa
         "output": (second, joint_frame(n, fork)),
     }
 
-    def joints(pose: Pose) -> None:
+    def joints(pose: SpaceAssembly) -> None:
         pose.add(SpatialRevolute, "R1", GROUND, "input", -Z, Z, zero_i=X, zero_j=pin)
         pose.add(Universal, "U1", "input", "link", np.zeros(3), pin, axis_j=one)
         pose.add(Universal, "U2", "link", "output", second, two, axis_j=fork)
         pose.add(Cylindrical, "C", GROUND, "output", second + n, n)
 
-    return Plan(bodies, joints, "R1", span, math.pi / 2 - max(map(abs, bends)), region)
+    return SpacePlan(bodies, joints, "R1", span, math.pi / 2 - max(map(abs, bends)), region)
 
 
-def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """A nut on a screw, and a slider that a rod ties to it."""
     pitch, span = draw(st.floats(0.03125, 0.25), label="pitch"), drawn_span(draw)
     axis = joint_frame(direction(draw, "axis of the slide"), None)
@@ -192,20 +192,20 @@ def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     end = foot + (w[0, 2] + sign * math.sqrt(length**2 - away[0] ** 2)) * axis[:, 2]
     bodies = {"nut": (nut, turn(Z, span[0])), "slider": (end, axis)}
 
-    def joints(pose: Pose) -> None:
+    def joints(pose: SpaceAssembly) -> None:
         turns = {"pitch": pitch * pose.size, "shift": shift * pose.size, "zero_i": X, "zero_j": crank(span[0])}
         pose.add(Screw, "H", GROUND, "nut", np.zeros(3), Z, at_j=nut, **turns)
         link(pose, "nut", "slider", (tip, end), "rod", False)
         pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
 
-    return Plan(bodies, joints, "H", span, length - float(np.max(away)), region)
+    return SpacePlan(bodies, joints, "H", span, length - float(np.max(away)), region)
 
 
-def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """An RSSR whose rocker is the crank of another."""
     circle, whole = drawn_rocker(draw, region, decades), rod_is_a_body(draw)
     span, length, room, region = drawn_coupler(draw, region, decades, _to_tip(circle))
-    second = Circle(
+    second = RockerCircle(
         circle.centre + 2.0 * circle.radius * direction(draw, "second ground"),
         joint_frame(direction(draw, "second axis"), None),
         circle.radius,
@@ -232,23 +232,23 @@ def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     if whole:
         bodies |= {"coupler": coupler_frame((tip, end)), "second coupler": coupler_frame((begin, last))}
 
-    def joints(pose: Pose) -> None:
+    def joints(pose: SpaceAssembly) -> None:
         pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
         link(pose, "crank", "rocker", (tip, end), "coupler", whole)
         pose.add(SpatialRevolute, "R2", GROUND, "rocker", circle.centre, circle.frame[:, 2])
         link(pose, "rocker", "second rocker", (begin, last), "second coupler", whole)
         pose.add(SpatialRevolute, "R3", GROUND, "second rocker", second.centre, second.frame[:, 2])
 
-    return Plan(bodies, joints, "R1", span, min(room, (high - low) / 2), region)
+    return SpacePlan(bodies, joints, "R1", span, min(room, (high - low) / 2), region)
 
 
-def _assembled(linkage: Any, span: tuple[float, float], sign: float, room: float, region: Region) -> Plan:
+def _assembled(linkage: Any, span: tuple[float, float], sign: float, room: float, region: Region) -> SpacePlan:
     """Return the plan of a linkage with lengths in cranks, which begins with the first input of the span."""
     frames = {GROUND: (np.zeros(3), np.eye(3))}
     for body, q in linkage.assemble(span[0], Branch.OPEN if sign > 0 else Branch.CROSSED).items():
         frames[body] = (np.array(q[:3]), SpatialValues(*q).rotation())
 
-    def joints(out: Pose) -> None:
+    def joints(out: SpaceAssembly) -> None:
         for j in linkage.joints():
             (r, a), (r_j, a_j) = (frames[body] for body in j.bodies)
             axis, more = None, dict[str, Any](at_j=r_j + a_j @ j.point_j)
@@ -260,10 +260,10 @@ def _assembled(linkage: Any, span: tuple[float, float], sign: float, room: float
             out.add(type(j), j.name, j.body_i, j.body_j, r + a @ j.point_i, axis, **more)
 
     bodies = {body: frame for body, frame in frames.items() if body != GROUND}
-    return Plan(bodies, joints, "R1", span, room, region)
+    return SpacePlan(bodies, joints, "R1", span, room, region)
 
 
-def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """Seen along the axis of the rocker, which is that of the cylindrical joint: circle against circle."""
     circle = drawn_rocker(draw, region, decades)
 
@@ -277,7 +277,7 @@ def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
     return _assembled(RSCR(1.0, length, circle.radius, centre, axis), span, sign, room, region)
 
 
-def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """Six hinges, of which the input turns as far as the other three follow it."""
     linkage = Bricard(1.0, draw(st.floats(1.0, 1.5), label="twist"))
     c, s = math.cos(linkage.alpha), math.sin(linkage.alpha)
@@ -289,13 +289,13 @@ def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
     return _assembled(linkage, (first, float(angles[last])), sign, float(rooms[last]), region)
 
 
-def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """A platform on six driven legs, each of which goes in and out in its own time, from its home."""
     lengths = draw(st.floats(0.375, 0.75), label="top"), sign * draw(st.floats(0.5, 1.0), label="height")
     stewart = Stewart.three_three(1.0, *lengths, stroke=draw(st.floats(0.0078125, 0.0625), label="stroke"))
     speed = draw(st.floats(0.5, 2.0), label="speed")
 
-    def joints(out: Pose) -> None:
+    def joints(out: SpaceAssembly) -> None:
         legs: Any = stewart.drivers(Polynomial(coefficients=(0.0, speed)))
         for leg in legs:
             stroke = leg.law.amplitude
@@ -305,10 +305,10 @@ def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
             out.add(SpatialDistanceDriver, leg.name, GROUND, "platform", np.array(leg.point_i), at_j=top, law=law)
 
     bodies = {"platform": (np.array(stewart.home[:3]), np.eye(3))}
-    return Plan(bodies, joints, "", (0.0, 1.0), abs(lengths[1]) - 2.0 * stewart.stroke, region)
+    return SpacePlan(bodies, joints, "", (0.0, 1.0), abs(lengths[1]) - 2.0 * stewart.stroke, region)
 
 
-KINDS: dict[str, tuple[Callable[..., Plan], Sequence[Region]]] = {
+KINDS: dict[str, tuple[Callable[..., SpacePlan], Sequence[Region]]] = {
     "RSSR": (_rssr, (Region.REGULAR, Region.LIMIT, Region.FOLD, Region.PLANAR, Region.OVER)),
     "RSSP": (_rssp, (Region.REGULAR, Region.LIMIT)),
     "Bennett": (_bennett, (Region.REGULAR, Region.ALIKE)),

@@ -49,7 +49,7 @@ class Region(Member):
 
 
 @dataclass
-class Pose:
+class SpaceAssembly:
     """A mechanism at the first time: frames of bodies on the ground, and what is added to it of joints there.
 
     Points and axes of joints are given in cranks of `size` [m], before they are turned by `place` and shifted `apart`.
@@ -106,14 +106,14 @@ def direction(draw: DrawFn, label: str) -> Array:
 
 
 @dataclass
-class Plan:
+class SpacePlan:
     """What a kind is made of: bodies with their frames and joints in cranks, the driven joint, its span, its room.
 
     Where no joint is driven, what is driven is among the joints.
     """
 
     bodies: dict[str, tuple[Array, Array]]
-    joints: Callable[[Pose], None]
+    joints: Callable[[SpaceAssembly], None]
     driven: str
     span: tuple[float, float]
     room: float
@@ -124,7 +124,7 @@ class Plan:
 
 
 @dataclass
-class Circle:
+class RockerCircle:
     """Where a rocker's joint may be: a circle, f and g across its axis h."""
 
     centre: Array
@@ -214,7 +214,7 @@ def _around_least(first: float, last: float, reach: Callable[[Array], tuple[Arra
     return first, last
 
 
-def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> Circle:
+def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> RockerCircle:
     """Return where a rocker's joint may be; beside the crank's plane, or about it, if the region says so."""
     if region is Region.OVER:
         centre = np.array(
@@ -230,7 +230,7 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
             [draw(st.floats(1.25, 4.0), label="ground"), *(draw(COORDINATES, label="rise") for _ in range(2))]
         )
         axis, radius = direction(draw, "axis of the rocker"), draw(st.floats(0.75, 3.0), label="rocker")
-    return Circle(centre, joint_frame(axis, None), radius)
+    return RockerCircle(centre, joint_frame(axis, None), radius)
 
 
 def rod_is_a_body(draw: DrawFn) -> bool:
@@ -238,7 +238,7 @@ def rod_is_a_body(draw: DrawFn) -> bool:
     return draw(st.booleans(), label="coupler is a body")
 
 
-def link(pose: Pose, i: str, j: str, ends: tuple[Array, Array], name: str, whole: bool) -> None:
+def link(pose: SpaceAssembly, i: str, j: str, ends: tuple[Array, Array], name: str, whole: bool) -> None:
     """Join two bodies by a coupler, a body with a spherical joint at either end, or by a distance."""
     if whole:
         pose.add(Spherical, f"{name} S1", i, name, ends[0])

@@ -20,7 +20,7 @@ ROD = "connecting_rod"
 
 
 @dataclass(frozen=True)
-class Model:
+class LinkageModel:
     """Joints of a linkage, a pose that assembles them, and the pins a coordinate driver can hold: (body, point)."""
 
     joints: tuple[Constraint, ...]
@@ -61,10 +61,10 @@ class Variant:
         driven, relative_to = (self.frames.get(body, (0.0, 0.0, 0.0))[2] for body in pair)
         return driven - relative_to
 
-    def apply(self, linkage: AnyLinkage, pose: Pose) -> Model:
+    def apply(self, linkage: AnyLinkage, pose: Pose) -> LinkageModel:
         """Return the model of the linkage in a pose of its own bodies."""
         pins = {"crank": ("crank", (linkage.crank / 2, 0.0)), "slider": ("slider", (0.0, 0.0))}
-        model = Model(linkage.joints(), pose, {body: pin for body, pin in pins.items() if body in pose})
+        model = LinkageModel(linkage.joints(), pose, {body: pin for body, pin in pins.items() if body in pose})
         if self.sliding == "no slider":
             model = _without_slider(model)
         elif self.sliding == "block":
@@ -115,27 +115,27 @@ def _structures(linkage: AnyLinkage, held: tuple[str, str]) -> list[tuple[str, s
     return [("", "")] * 3 + [(link, "") for link in links] + bare
 
 
-def _without_slider(model: Model) -> Model:
+def _without_slider(model: LinkageModel) -> LinkageModel:
     a0, a, b, guide = model.joints
     assert isinstance(b, Revolute)
     assert isinstance(guide, Prismatic)
     line: dict[str, Any] = {"body_i": GROUND, "point_i": guide.point_i, "axis_i": guide.axis_i}
     on_guide = PointOnLine(name="guide", **line, body_j=ROD, point_j=b.point_i)
     pose = {body: q for body, q in model.pose.items() if body != "slider"}
-    return Model((a0, a, on_guide), pose, {**model.pins, "slider": (ROD, b.point_i)})
+    return LinkageModel((a0, a, on_guide), pose, {**model.pins, "slider": (ROD, b.point_i)})
 
 
-def _with_block(model: Model) -> Model:
+def _with_block(model: LinkageModel) -> LinkageModel:
     a0, b0, a = model.joints
     assert isinstance(a, PointOnLine)
     pin = Revolute(name="A", body_i=a.body_j, point_i=a.point_j, body_j="block", point_j=(0.0, 0.0))
     line: dict[str, Any] = {"body_i": a.body_i, "point_i": a.point_i, "axis_i": a.axis_i}
     slide = Prismatic(name="slide", **line, body_j="block", point_j=(0.0, 0.0))
     at = _to_ground(model.pose[a.body_j], a.point_j)
-    return Model((a0, b0, pin, slide), {**model.pose, "block": (*at, model.pose[a.body_i][2])}, model.pins)
+    return LinkageModel((a0, b0, pin, slide), {**model.pose, "block": (*at, model.pose[a.body_i][2])}, model.pins)
 
 
-def _without_link(model: Model, link: str) -> Model:
+def _without_link(model: LinkageModel, link: str) -> LinkageModel:
     """Replace a link between two revolutes by a distance joint."""
     ends = [j for j in model.joints if link in j.bodies]
     sides = [[(b, p) for b, p in joint.points()] for joint in ends]
@@ -146,25 +146,25 @@ def _without_link(model: Model, link: str) -> Model:
     )
     joints = tuple(rod if joint is ends[0] else joint for joint in model.joints if joint is not ends[1])
     pose = {body: q for body, q in model.pose.items() if body != link}
-    return Model(joints, pose, {name: pin for name, pin in model.pins.items() if pin[0] != link})
+    return LinkageModel(joints, pose, {name: pin for name, pin in model.pins.items() if pin[0] != link})
 
 
-def _with_bracket(model: Model, carrier: str, frame: Frame) -> Model:
+def _with_bracket(model: LinkageModel, carrier: str, frame: Frame) -> LinkageModel:
     x, y, angle = frame
     held = Fixed(name="bracket", body_i=carrier, point_i=(x, y), body_j="bracket", point_j=(0.0, 0.0), angle=angle)
     q = model.pose.get(carrier, (0.0, 0.0, 0.0))
     pose = {**model.pose, "bracket": (*_to_ground(q, (x, y)), q[2] + angle)}
-    return Model((*model.joints, held), pose, model.pins)
+    return LinkageModel((*model.joints, held), pose, model.pins)
 
 
-def _reframed(model: Model, frames: Mapping[str, Frame], stretch: float) -> Model:
+def _reframed(model: LinkageModel, frames: Mapping[str, Frame], stretch: float) -> LinkageModel:
     """Give bodies new frames: points, axes and angles are rewritten, the motion of the bodies stays."""
     pose = {}
     for body, q in model.pose.items():
         x, y, angle = frames.get(body, (0.0, 0.0, 0.0))
         pose[body] = (*_to_ground(q, (x, y)), q[2] + angle)
     pins = {name: (body, _in_frame(frames.get(body), point)) for name, (body, point) in model.pins.items()}
-    return Model(tuple(_in_frames(joint, frames, stretch) for joint in model.joints), pose, pins)
+    return LinkageModel(tuple(_in_frames(joint, frames, stretch) for joint in model.joints), pose, pins)
 
 
 def _in_frames(joint: Constraint, frames: Mapping[str, Frame], stretch: float) -> Constraint:

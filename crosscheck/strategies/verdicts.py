@@ -18,7 +18,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.linkages import draw_place, draw_size
 from crosscheck.strategies.scenes import Drawn, scenes_of
-from crosscheck.strategies.space_plans import Circle
+from crosscheck.strategies.space_plans import RockerCircle
 from crosscheck.strategies.spans import Binned, Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
 from refkin.model import Body, Mechanism, Member, Scene
@@ -87,7 +87,9 @@ def _rssr(
     The rocker turns about x. So they are apart by away + rocker at most in the end, and by more before it.
     """
     crank, coupler = float(2**20), rocker + away + gap
-    circle = Circle(np.array([crank, float(away), 0.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), float(rocker))
+    circle = RockerCircle(
+        np.array([crank, float(away), 0.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), float(rocker)
+    )
     angles = np.linspace(-begin, 0.0, GRID_OF_SPAN)
     least, greatest = circle.reach(crank * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1))
     assume(np.all(least < 0.99 * coupler) and np.all(greatest[:-1] > greatest[-1]) and greatest[0] > coupler * 1.01)

@@ -24,7 +24,7 @@ from crosscheck.night.moving_parts import factor_below as magnified
 from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
-from crosscheck.report.cells import Cell, MethodTotals, Place
+from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, folds, hard_matrix
 from crosscheck.report.prices import cheapest
@@ -491,7 +491,7 @@ def test_a_method_adds_up_its_answers_and_states_the_most_that_it_was_granted():
 
 
 def test_a_cell_keeps_its_largest_ratio_and_its_fewest_digits_with_their_places():
-    cell, places = Cell(), [Place(str(k), f"scene {k}", k) for k in range(4)]
+    cell, places = Cell(), [RecordLine(str(k), f"scene {k}", k) for k in range(4)]
     for place, ratio, histogram in zip(
         places, (0.5, math.nan, 2.0, 1.5), ({150: 2}, {121: 1, 140: 2}, {90: 0, 130: 3}, {}), strict=True
     ):

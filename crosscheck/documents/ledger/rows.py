@@ -92,7 +92,7 @@ def correct_digits(printed: Written, truth: Any) -> float:
     return math.floor(10 * min(max(digits, 0.0), printed.digits)) / 10
 
 
-class _Strict:
+class _StrictRow:
     """What the file of the ledger says is of the types that stand here, and nothing else is in it."""
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -104,7 +104,7 @@ Tree = Any
 
 
 @dataclass(frozen=True, kw_only=True)
-class Value(_Strict):
+class Value(_StrictRow):
     """One quantity of a row.
 
     Attributes
@@ -126,7 +126,7 @@ class Value(_Strict):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Erratum(_Strict):
+class Erratum(_StrictRow):
     """What is wrong in a document.
 
     Attributes
@@ -156,7 +156,7 @@ class Erratum(_Strict):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LedgerRow(_Strict):
+class LedgerRow(_StrictRow):
     """One system, algorithm or printed number of the source documents.
 
     Attributes
@@ -185,7 +185,7 @@ class LedgerRow(_Strict):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ledger(_Strict):
+class Ledger(_StrictRow):
     """The whole file; `documents` are title and place by key."""
 
     documents: Mapping[str, str]

@@ -43,7 +43,7 @@ Slope = Callable[[System, Any, float], Any]
 
 
 @dataclass(frozen=True)
-class Problem:
+class ScaledProblem:
     """A scene as every Newton here meets it: scaled equations, and the estimate of the first pose."""
 
     system: System
@@ -76,13 +76,13 @@ class Problem:
         return levels
 
 
-def problem(scene: Scene) -> Problem:
+def problem(scene: Scene) -> ScaledProblem:
     """Return the scaled equations of a scene, and where Newton starts; raises EngineError without an estimate."""
     lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
     if lost:
         raise EngineError(f"no estimate to start from: {', '.join(lost)}")
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    return Problem(system, estimate_of(system, scene), scene.times)
+    return ScaledProblem(system, estimate_of(system, scene), scene.times)
 
 
 def methods() -> Iterator[Method]:
@@ -128,7 +128,9 @@ def _by_differences(scheme: Scheme, system: System, q: Any, t: float) -> Any:
     return jacobian(lambda x: system.phi(x, t), q, scheme)
 
 
-def _swept(given: Problem, rule: Callable[[], Any], order: int, *, slope: Slope = _analytic, **options: Any) -> Any:
+def _swept(
+    given: ScaledProblem, rule: Callable[[], Any], order: int, *, slope: Slope = _analytic, **options: Any
+) -> Any:
     """Solve time by time, each started at the last pose; then the rates up to an order."""
     system = given.system
 
@@ -141,7 +143,7 @@ def _swept(given: Problem, rule: Callable[[], Any], order: int, *, slope: Slope 
     return [poses, *_rates_by(slope, given, poses, order)]
 
 
-def _rates_by(slope: Slope, given: Problem, q: Any, order: int) -> list[Any]:
+def _rates_by(slope: Slope, given: ScaledProblem, q: Any, order: int) -> list[Any]:
     """Return the rates up to an order from a Jacobian that is not the analytic one, time by time."""
     system = given.system
     levels = [np.full_like(q, np.nan) for _ in range(order)]

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares, root
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.ours.numpy_methods import four_bars_by_root
-from crosscheck.engines.ours.refkin_methods import Problem, problem
+from crosscheck.engines.ours.refkin_methods import ScaledProblem, problem
 from refkin.model import Scene
 
 TOLERANCES = (1e-2, 1e-4, 1e-8, 1e-12)
@@ -61,11 +61,11 @@ def _built(step: Any, tolerance: float, scene: Scene) -> Model:
     return Model(solve, given.read)
 
 
-def _root(given: Problem, tolerance: float, q: Any, t: float, analytic: bool = True) -> Any:
+def _root(given: ScaledProblem, tolerance: float, q: Any, t: float, analytic: bool = True) -> Any:
     phi, phi_q = given.system.phi, given.system.phi_q
     return root(phi, q, args=(t,), jac=phi_q if analytic else None, method="hybr", tol=tolerance).x
 
 
-def _least_squares(given: Problem, tolerance: float, q: Any, t: float) -> Any:
+def _least_squares(given: ScaledProblem, tolerance: float, q: Any, t: float) -> Any:
     phi, phi_q, tol = given.system.phi, given.system.phi_q, max(tolerance, SMALLEST)
     return least_squares(phi, q, phi_q, args=(t,), method="lm", xtol=tol, ftol=tol, gtol=tol).x
