@@ -11,16 +11,14 @@ if TYPE_CHECKING:
 __all__ = ["assert_agrees", "compare"]
 
 
-def compare(
-    scene: Any, engines: Sequence[str] = ("exudyn", "pinocchio", "mujoco"), show: bool = True
-) -> dict[str, Any]:
+def compare(scene: Any, engines: Sequence[str] | None = None, show: bool = True) -> dict[str, Any]:
     """Solve a scene with the reference and with engines, print how they agree, and return it.
 
     Parameters
     ----------
     scene : refkin.Scene
-    engines : sequence of str
-        Names as `crosscheck engines` lists them; each must be installed.
+    engines : sequence of str, optional
+        Names as `crosscheck engines` lists them; each must be installed. By default exudyn, Pinocchio and MuJoCo.
     show : bool
         Print the table.
 
@@ -33,8 +31,9 @@ def compare(
     from crosscheck.commands.usage import console
     from crosscheck.judge.records import plain
     from crosscheck.measure.check import check
+    from crosscheck.scenes.names import PEERS
 
-    record = check(scene, engines)
+    record = check(scene, PEERS if engines is None else engines)
     if show:
         out = console(140)
         out.print(agreement_table(record))

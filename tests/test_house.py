@@ -7,8 +7,10 @@ import importlib
 
 import pytest
 
+from crosscheck.engines import poses
+from refkin import analysis
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Disc, Driver, Polar
-from tests.houseplan import ROOT, arrows, circles, floors, folded, imported, module_of, sources
+from tests.houseplan import ROOT, arrows, circles, floors, folded, imported, module_of, modules, sources
 
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
 TYPES_AND_LAWS = {"refkin.model", "refkin.motion", "refkin.motion_laws", "refkin.joints", "refkin.errors"}
@@ -26,13 +28,13 @@ def test_refkin_imports_neither_crosscheck_nor_an_engine(path):
     assert not packages & (ENGINE_PACKAGES | {"crosscheck", "tests"})
 
 
-LAYERS = ("reference", "output", "scenes", "proof", "solving", "fast")
-"""From below; what is in none of the folders is the reference. The fast paths fall back on `refkin.solve`."""
+OF_REFKIN = ("reference", "output", "scenes", "proof", "solving", "fast")
+"""Layers from below; what is in none of the folders is the reference. The fast paths fall back on `refkin.solve`."""
 
 
 def layer(name):
-    folder = [*name.split("."), ""][1]
-    return LAYERS.index(folder) if folder in LAYERS else 0
+    folder = name.split(".")[1]
+    return folder if folder in OF_REFKIN else "reference"
 
 
 def test_in_refkin_nothing_imports_upward():
@@ -41,7 +43,9 @@ def test_in_refkin_nothing_imports_upward():
         f"{name} imports {other}"
         for name, others in arrows().items()
         for other in others
-        if name.startswith("refkin.") and other.startswith("refkin.") and layer(other) > layer(name)
+        if name.startswith("refkin.")
+        and other.startswith("refkin.")
+        and OF_REFKIN.index(layer(other)) > OF_REFKIN.index(layer(name))
     ]
 
     assert upward == []
@@ -55,14 +59,8 @@ def test_in_refkin_no_files_import_each_other_in_a_circle():
 
 def folder_of(name):
     """Return the layer of a module of refkin, in the proof its folder."""
-    layer, *rest = name.split(".")[1:]
-    return (
-        "reference"
-        if layer not in LAYERS or layer == "joints"
-        else f"{layer}.{rest[0]}"
-        if layer == "proof" and rest
-        else layer
-    )
+    parts = name.split(".")
+    return ".".join(parts[1:3]) if layer(name) == "proof" else layer(name)
 
 
 def test_nothing_in_refkin_imports_the_face_of_the_package():
@@ -95,15 +93,15 @@ def test_the_reference_is_read_in_one_sitting():
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
     assert lines(spine) <= 1200
-    assert lines(spine) + lines(joints) - lines(of_space) <= 2000
-    assert lines(of_space) <= 1000  # the second chapter that may be left for another day: bodies of space
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1932
+    assert lines(of_space) <= 953  # the second chapter that may be left for another day: bodies of space
 
 
 @pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))
 def test_of_crosscheck_only_what_shows_the_fast_path_needs_it(path):
     """At the top of a module: a command may import it when it is called."""
-    top = [node for node in ast.parse(path.read_text(encoding="utf-8")).body]
-    names = [node.module or "" for node in top if isinstance(node, ast.ImportFrom)]
+    top = [node for node in ast.parse(path.read_text(encoding="utf-8")).body if hasattr(node, "names")]
+    names = [f"{getattr(node, 'module', '')}.{alias.name}".lstrip(".") for node in top for alias in node.names]
 
     assert path.name == "lanes.py" or not [name for name in names if name.startswith("refkin.fast")]
 
@@ -171,7 +169,7 @@ def test_no_folders_import_each_other_in_a_circle():
     assert circles(graph) == []
 
 
-LAYERS = (
+OF_CROSSCHECK = (
     {"errors", "strategies"},
     {"scenes"},
     {"engines"},
@@ -187,24 +185,20 @@ LAYERS = (
 
 
 def test_nothing_in_crosscheck_imports_upward_or_sideways():
-    floor = {name: k for k, names in enumerate(LAYERS) for name in names}
+    floor = {name: k for k, names in enumerate(OF_CROSSCHECK) for name in names}
     graph = folded(crosscheck_alone(), lambda name: name.split(".")[1])
 
     assert set(graph) == set(floor)
     assert [(name, other) for name, others in graph.items() for other in others if floor[other] >= floor[name]] == []
 
 
-def test_crosscheck_is_at_most_eight_floors_of_folders_and_twenty_of_files():
+def test_crosscheck_is_at_most_eight_floors_of_folders_and_twelve_of_files():
     files = crosscheck_alone()
     folders = folded(files, lambda name: name.split(".")[1])
     top = {"cli", "__main__", "errors"}
 
     assert floors({name: others - top for name, others in folders.items() if name not in top}) <= 8
-    assert floors(files) <= FILE_FLOORS
-
-
-FILE_FLOORS = 12
-"""The plan says 20; ten are reached."""
+    assert floors(files) <= 12  # the plan says 20
 
 
 def test_at_most_three_modules_stand_at_the_top_of_crosscheck():
@@ -217,17 +211,31 @@ MOST_QUESTIONS = 12
 
 
 def questions(path):
-    """Yield where a file asks which type a joint is: by `isinstance`, by its `type`, or by a table of classes."""
+    """Yield where a file asks which type a joint is.
+
+    By `isinstance` or `issubclass`, by comparing its class or its `type`, by a pattern, or by a table of classes.
+    """
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
-            asked = JOINT_NAMES & {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}
-        elif isinstance(node, ast.Compare):
-            asked = [x for x in (node.left, *node.comparators) if isinstance(x, ast.Attribute) and x.attr == "type"]
-        else:
-            keys = node.keys if isinstance(node, ast.Dict) else ()
-            asked = [key for key in keys if isinstance(key, ast.Name) and key.id in JOINT_NAMES]
+        match node:
+            case ast.Call(func=ast.Name(id="isinstance" | "issubclass"), args=[_, classes]):
+                asked = JOINT_NAMES & named(classes)
+            case ast.Compare():
+                sides = (node.left, *node.comparators)
+                asked = [x for x in sides if JOINT_NAMES & named(x) or getattr(x, "attr", "") == "type"]
+            case ast.MatchClass():
+                asked = JOINT_NAMES & named(node.cls)
+            case ast.Dict():
+                asked = [key for key in node.keys if key and JOINT_NAMES & named(key)]
+            case _:
+                continue
         if asked:
             yield f"{path.relative_to(ROOT)}:{node.lineno}"
+
+
+def named(node):
+    """Return the names in an expression: `Revolute` of `Revolute` and of `joints.Revolute`."""
+    inner = list(ast.walk(node))
+    return {x.id for x in inner if isinstance(x, ast.Name)} | {x.attr for x in inner if isinstance(x, ast.Attribute)}
 
 
 def test_a_joint_is_built_from_its_elements_not_from_its_type():
@@ -236,6 +244,84 @@ def test_a_joint_is_built_from_its_elements_not_from_its_type():
 
     assert len(values) <= MOST_QUESTIONS, values
     assert not [where for where in values if where.startswith("crosscheck/engines")]
+
+
+def classes():
+    """Yield (module, class) for every class of the two packages."""
+    for name, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                yield name, node
+
+
+def test_one_class_is_the_method_of_an_engine():
+    """No other is called so, holds (engine, setting) with something that can be called, or is derived from it."""
+    values = [f"{name}.{node.name}" for name, node in classes() if is_a_method(node)]
+
+    assert values == ["crosscheck.engines.methods.Method"]
+
+
+def is_a_method(node):
+    annotated = [x for x in node.body if isinstance(x, ast.AnnAssign) and isinstance(x.target, ast.Name)]
+    called = any("Callable" in named(x.annotation) for x in annotated)
+    asked = {x.name for x in node.body if isinstance(x, ast.FunctionDef)} & {"solve", "run", "build", "measure"}
+    holds = {x.target.id for x in annotated} & {"engine", "setting"}
+    derived = any("Method" in named(base) for base in node.bases)
+    return node.name.endswith(("Method", "Knob", "Bench")) or derived or bool(holds and (called or asked))
+
+
+def test_a_class_name_is_used_once():
+    """But for those that were shared when this was written."""
+    names = [node.name for _, node in classes()]
+
+    assert len(names) - len(set(names)) <= 30
+
+
+def tuples(package, *values):
+    """Return the files in which a tuple of these texts is written out."""
+    wanted = repr(values)
+    return [
+        str(path.relative_to(ROOT))
+        for path in sources(package)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Tuple) and ast.unparse(node) == wanted
+    ]
+
+
+def test_quantities_and_default_engines_are_written_out_once():
+    names = "crosscheck/scenes/names.py"
+
+    assert tuples("crosscheck", "exudyn", "pinocchio", "mujoco") == [names]
+    assert tuples("crosscheck", "position", "velocity", "acceleration") == ["crosscheck/report/measured.py", names]
+    # the first is a type: mypy asks for the words
+
+
+def assigned(name):
+    """Return the modules that give a name a value at their top."""
+    return {
+        module
+        for module, path in modules().items()
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign) and name in {target.id for target in node.targets if hasattr(target, "id")}
+    }
+
+
+def test_a_regular_pose_is_told_from_a_singular_one_by_one_threshold():
+    """Peers have its number from no module of refkin, so that it stands twice: it is one number."""
+    assert assigned("SINGULAR") == {"refkin.analysis", "crosscheck.engines.poses"}
+    assert analysis.SINGULAR == poses.SINGULAR
+
+
+def test_the_round_off_rule_and_attainable_digits_have_one_definition():
+    attainable = {
+        module
+        for module, path in modules().items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("attainable")
+    }
+
+    assert assigned("ROUND_OFF") == {"refkin.newton"}
+    assert attainable == {"crosscheck.judge.samples", "crosscheck.judge.truth"}
 
 
 SHARED = 6

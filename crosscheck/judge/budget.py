@@ -38,6 +38,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
+from crosscheck.scenes.names import QUANTITIES
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
 from refkin.solving.starts import in_form
@@ -49,7 +50,6 @@ BOTH_SIDES = 2.0
 STEP = 1e-100
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
-LEVELS = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ class Propagation:
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
         levels = self.both.copy()
-        for term in (term for term in terms if term.level in LEVELS):  # others are of an engine's own rows
-            first = LEVELS.index(term.level)
+        for term in (term for term in terms if term.level in QUANTITIES):  # others are of an engine's own rows
+            first = QUANTITIES.index(term.level)
             if term.form:
                 added = self._left_in(term.form, term.absolute)[first:]
             else:
@@ -230,7 +230,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
-        radius=tuple(getattr(motion.certified_radius, level)[samples] for level in LEVELS),
+        radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
     )
 
 

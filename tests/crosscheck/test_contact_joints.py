@@ -16,7 +16,7 @@ from refkin import Revolute, Table
 from refkin.joints import RollingWheels
 from refkin.motion import Status
 
-from ..refkin.contact_cases import CASES, SHIFT, over_profile, scene  # noqa: TID252 (tests is no package)
+from ..refkin.contact_cases import CASES, SHIFT, over_profile, scene
 
 ENGINES = ("closed_form", "exudyn", "mujoco", "pinocchio")
 WAVY = Table(argument=(-4.0, -2.0, 0.0, 2.0, 4.0), value=(1.0, 1.1, 1.0, 1.05, 1.0))

@@ -26,6 +26,7 @@ from crosscheck.engines.pinocchio.model import (
     unit_vector,
 )
 from crosscheck.engines.tree.joint_tree import Array
+from crosscheck.scenes.names import QUANTITIES
 from refkin.joints import Element, GuidedPoint, PointsCoincide, RelativeAngle
 
 
@@ -99,7 +100,7 @@ class Anchor(Row):
         calc, slopes, self._nv = anchor.calc, anchor.jacobian, model.nv
         self.constraint, self.data = anchor, of_pose
         gap, rate, bend = (  # views: `calc` fills them
-            getattr(of_pose, f"constraint_{level}_error") for level in ("position", "velocity", "acceleration")
+            getattr(of_pose, f"constraint_{level}_error") for level in QUANTITIES
         )
 
         def jacobian() -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import refkin
 from refkin import Body, Fixed, FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, YDriver
 
-from .. import contact_cases  # noqa: TID252 (a folder of tests is no package that has a name)
+from .. import contact_cases
 from .linkworks import chain, platform
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
