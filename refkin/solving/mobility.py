@@ -17,35 +17,23 @@ import numpy as np
 
 from refkin.analysis import SINGULAR
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import GROUND, SPACE, passive_spins
+from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
 from refkin.proof.singularity.second_order import balance, elsewhere, without_rounding
 from refkin.system import System, compile_system
 
-FREEDOMS: Mapping[str, Mapping[str, int]] = {
-    "planar": {
-        "fixed": 0,
-        "revolute": 1,
-        "prismatic": 1,
-        "point_on_line": 2,
-        "distance": 2,
-        "gear": 2,
-        "rack_and_pinion": 2,
-        "cam": 2,
-    },
-    "spatial": {
-        "fixed": 0,
-        "revolute": 1,
-        "prismatic": 1,
-        "screw": 1,
-        "cylindrical": 2,
-        "universal": 2,
-        "spherical": 3,
-    },
-}
-"""Freedoms that a joint leaves between two bodies."""
 COORDINATES = {"planar": 3, "spatial": 6}
+_PLANAR: Any = [joint for joint in JOINT_TYPES if isinstance(joint.rows, int)]
+_SPATIAL: Any = SPATIAL_JOINT_TYPES
+FREEDOMS: Mapping[str, Mapping[str, int]] = {
+    "planar": {joint.type: 3 - joint.rows for joint in _PLANAR} | {"cam": 2},
+    "spatial": {joint.type: 6 - sum(e.rows for e in joint.consists_of) for joint in _SPATIAL} | {"screw": 1},
+}
+"""Freedoms that a joint leaves between two bodies: all but those that its rows take, in space those of its elements.
+
+A cam and a screw bring a coordinate of their own, and a row more for it.
+"""
 
 Connection = tuple[str, str, str]
 """Type of a joint, and the names of its two bodies."""
