@@ -93,7 +93,7 @@ class Model:
         Order (0 position, 1 velocity too, 2 acceleration too) -> the answer at all times of the scene, in the
         producer's own coordinates. This is what is timed.
     read : callable
-        That answer -> per order (3 bodies, T): x, y [m], phi [rad] of every body of the scene, or derivatives; NaN
+        That answer -> per order (3n, T): x, y [m], phi [rad] of each of the scene's n bodies, or their derivatives; NaN
         where there is no answer.
     """
 
