@@ -1,4 +1,4 @@
-"""What time is spent on: `crosscheck bench`, and `crosscheck effects`, the ledger of effects on a scene."""
+"""`crosscheck bench` compares times and errors; `crosscheck effects` measures what each effect costs on a scene."""
 
 from __future__ import annotations
 
@@ -154,9 +154,9 @@ def duration(nanoseconds: float) -> str:
 
 
 def effects(scene: Path, *, engines: Names = ENGINES, as_json: Json = False) -> int:
-    """Show what every effect costs on a scene, and whether one that is not called for changes anything.
+    """Show what every effect costs on a scene, and whether one that the scene does not ask for changes the answer.
 
-    Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage
+    Exit codes: 0 done, 1 an effect changes another number of the reference, or the scene has no pose, 2 usage
     or invalid scene, 3 engine missing.
 
     Parameters

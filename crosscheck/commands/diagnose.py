@@ -68,7 +68,7 @@ def _diagnosed(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis
 
 
 def print_diagnosis(scene: SceneFile, *, as_json: Json = False) -> int:
-    """Say what the hardest pose of a scene is: regular, or by which kind of singularity it is not.
+    """Classify the pose of a scene that is nearest to a singular one: regular, or which kind of singularity.
 
     Exit codes: 0 it is regular, or a structure, or has redundant rows that agree; 1 it is singular, or there is no
     pose; 2 the scene is invalid.
@@ -90,8 +90,8 @@ def print_diagnosis(scene: SceneFile, *, as_json: Json = False) -> int:
 def mobility(scene: SceneFile, *, as_json: Json = False) -> int:
     """Count the freedoms of a scene's joints, take the rank of their equations at its first pose, name redundant rows.
 
-    Of bodies of space that spin, or slide, while nothing else moves it says so. Exit codes: 0 done, 1 no pose was found
-    to take the rank at, 2 the scene is invalid.
+    It also names bodies of space that spin or slide while nothing else moves. Exit codes: 0 done, 1 the scene has no
+    pose at which to take the rank, 2 the scene is invalid.
     """
     read = load(scene)
     counted, system = count(read.mechanism), compile_system(read.mechanism, unit=read.mechanism.unit())

@@ -23,7 +23,7 @@ COLOURS = {"pass": "green", "fail": "red", "open": "yellow"}
 
 
 def ledger(*rows: str, as_json: Json = False) -> int:
-    """Recompute every printed number of the source documents, and print what of it is right.
+    """Recompute every printed number of the source documents, and print which of them are right.
 
     Exit codes: 0 every row passes or is open, 1 a row fails, 2 there is no row of that name.
 

@@ -31,8 +31,8 @@ def draw(
 ) -> int:
     """Draw the mechanism of a scene in one pose, with the curves of its points.
 
-    Exit codes: 0 drawn, 2 the scene or the request is invalid, 4 there is no pose to draw, or nobody writes such a file
-    (matplotlib is missing, or does not know its ending).
+    Exit codes: 0 drawn, 2 the scene or the request is invalid, 4 there is no pose to draw, or the file cannot be
+    written (matplotlib is missing, or does not know its ending).
 
     Parameters
     ----------

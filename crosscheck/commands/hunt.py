@@ -41,7 +41,8 @@ def hunt_worst(
 ) -> int:
     """Hunt for the worst error / allowed: near the worst scenes of a night, then ever nearer to singular poses.
 
-    Exit codes: 0 nothing above 1, 1 something, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130 interrupted.
+    Exit codes: 0 no error above what is allowed, 1 some, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130
+    interrupted.
 
     Parameters
     ----------
@@ -128,21 +129,21 @@ def hard(
     case_seconds: float = SECONDS,
     as_json: Json = False,
 ) -> int:
-    """Send the hard scenes through every method of the engines, those of their shipped defaults included.
+    """Solve the hard cases by every method of the engines, with their default settings among them.
 
-    Verdicts: correct; warned (right, but called doubtful); refused; wrong (and called right); crash; hang.
-    Exit codes: 0 whatever is wrong is explained by a finding, 1 something is not, 2 usage, 3 engine missing.
+    Verdicts: correct; warned (right, with a warning); refused; wrong (without a warning); crash; hang.
+    Exit codes: 0 a finding explains each wrong answer, 1 some are not explained, 2 usage, 3 engine missing.
 
     Parameters
     ----------
     engines
-        Names, separated by commas, or `file.py:Class`; refkin is always asked, too.
+        Names, separated by commas, or `file.py:Class`; refkin is always among them.
     case
         Kinds of hard scenes, all by default.
     within
-        Seconds after which no further scene is begun, for any engine: all are asked the same ones.
+        Seconds after which no further case is begun, for any engine: all solve the same ones.
     case_seconds
-        After this long on one scene a method is said to hang.
+        A method that takes longer [s] on one case is stopped, and counts as hanging.
     as_json
         Print one JSON array of rows instead of a table.
     """

@@ -55,7 +55,7 @@ def nightly(
     known_gaps: str = "",
     sections_seconds: float | None = None,
 ) -> int:
-    """Make up scenes, check them on all engines, write a report.
+    """Draw scenes, check them on all engines, write a report.
 
     Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran, 130 interrupted.
     A run that was killed or interrupted is continued by the same command.
@@ -76,22 +76,21 @@ def nightly(
     out
         The folder of the run: records.jsonl, report.json, index.html, disagreements/*.toml.
     fresh
-        Make room for a new night where the folder holds a finished one: what that night wrote is removed, no more.
+        Start a new night where the folder holds a finished one: the files of that night are removed, and no others.
     workers
         Worker processes; one per processor by default.
     cluster
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
-        After this long on one scene the engine that is asked is ended, and said to hang.
+        An engine that takes longer [s] on one scene is stopped, and counts as hanging.
     known_gaps
-        A table to hold the run against instead of our own: a file, or `none`. Then the outcome says of every row of
-        our own after how many scenes it was met again.
+        A table of known gaps to use instead of our own: a file, or `none`. Then the night reports for each row of our
+        own after how many scenes it occurred.
     sections_seconds
-        How long to measure what the report shows beside the scenes, hard cases, prices and effects, when the scenes are
-        done; not at all in less than eight. By default as long as `minutes`, four minutes at most, and not at all for
-        a night of `scenes` alone.
+        How long to measure hard cases, prices and effects after the scenes [s]; they are left out if it is less than
+        eight. By default as long as `minutes`, four minutes at most; none for a night of `scenes` alone.
     history
-        The file that nights are kept in; `history.sqlite` beside the folder by default.
+        The file with the history of all nights; `history.sqlite` beside the folder by default.
     baseline
         The accepted digits of the golden set; that of this checkout by default, if there is one.
     """

@@ -37,9 +37,9 @@ def price(
 ) -> int:
     """Show what accuracy costs on a scene: every engine by every method, digits against microseconds.
 
-    Exit codes: 0 done, 1 no pose of the scene is certified, so that there is nothing to hold digits against, or fewer
-    than 95 % of the winners are the same again, or no winner is clear both times, 2 the scene or a file is invalid. A
-    method that crashes or hangs is a row that says so.
+    Exit codes: 0 done, 1 no pose of the scene is certified, so that there is no truth to count digits by; or with
+    --again fewer than 95 % of the winners are the same, or none is clear both times; 2 the scene or a file is invalid.
+    A method that crashes or hangs has a row that says so.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`crosscheck replay` and `crosscheck conform`: engines on one scene, and on every question."""
+"""`crosscheck replay` solves one scene on all engines; `crosscheck conform` tests one engine on everything."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from refkin.solving.limits import said_if_long
 def replay(
     scene: Path, *, engines: str = ENGINES, features: bool = False, scene_seconds: float = SECONDS_PER_SCENE
 ) -> int:
-    """Show one scene on all engines.
+    """Solve one scene on all engines, and compare.
 
     Exit codes: 0 all agree, 1 some disagree, 2 usage or invalid scene, 3 engine missing, 4 infrastructure.
 
@@ -43,9 +43,9 @@ def replay(
     engines
         Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
     features
-        Ask the features of engines as well that a night asks by themselves.
+        Solve also by the features of the engines that a night tests apart.
     scene_seconds
-        After this long an engine is ended, and said to hang.
+        An engine that takes longer [s] is stopped, and counts as hanging.
     """
     job = {"scene": to_dict(load(scene)), "about": {"of_features": features}, "arbiter": True}
     positive("scene-seconds", scene_seconds)
@@ -73,9 +73,9 @@ def replay(
 
 
 def conform(engine: str, *, as_json: Json = False) -> int:
-    """Ask an engine everything: each joint and driver at each level, statuses, orders of bodies, hard cases.
+    """Test an engine on each joint and driver at each level, on statuses, orders of bodies and hard cases.
 
-    Exit codes: 0 all that it answers is right, 1 something is wrong, 2 usage, 3 engine missing, 5 it answers nothing.
+    Exit codes: 0 all answers are right, 1 some are wrong, 2 usage, 3 engine missing, 5 it answers nothing.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class _PriceFile(_Row):
 
 
 class _EffectFile(_Row):
-    """What one effect adds to the time of an engine, and whether it changes what was called for."""
+    """What one effect adds to the time of an engine, and whether it changes the answer that the scene asks for."""
 
     engine: str
     method: str

@@ -249,7 +249,7 @@ def effects_figure(rows: Sequence[Row]) -> Figure:
     unknown: Any = {"method": "", "setting": "", "without": 0.0, "called_for": True}
     ledger = [EffectRow(**unknown | {f.name: row[f.name] for f in fields(EffectRow) if f.name in row}) for row in rows]
     panels = (effects_bars(ledger),) if rows else ()
-    head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
+    head = ("engine", "method", "effect", "µs", "changes the answer", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
     lines = tuple(tuple(changes[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)

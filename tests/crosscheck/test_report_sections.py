@@ -215,7 +215,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
 def test_effect_that_changes_what_was_called_for_is_named(tmp_path: Path) -> None:
     _, page = reported(tmp_path, effects=EFFECTS)
 
-    assert "mujoco (newton): gravity changes what was called for, by up to 0.0010." in page
+    assert "mujoco (newton): gravity changes the answer that the scene asks for, by up to 0.0010." in page
     assert "refkin: position changes" not in page
 
 
