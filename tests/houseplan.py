@@ -13,6 +13,12 @@ def sources(folder):
     return sorted((ROOT / folder).rglob("*.py"))
 
 
+@cache
+def tree(path):
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def module_name(path):
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
@@ -26,7 +32,7 @@ def modules():
 
 def imported(path):
     """Yield the names that a file imports, wherever in it: `a.b` of `import a.b`, `a.b.c` of `from a.b import c`."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
