@@ -10,7 +10,8 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.tree.joint_tree import WIDTH, Freedom, JointTree, joint_tree
-from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, Revolute, XDriver, YDriver, elements_of
+from crosscheck.scenes.hard_case import pin
+from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver, elements_of
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 
@@ -29,10 +30,6 @@ def held(*bodies: Body, joints: tuple = ()) -> Mechanism:
         )
     ]
     return Mechanism(bodies, joints, tuple(drivers))
-
-
-def pin(name: str, i: str, point_i: tuple, j: str, point_j: tuple) -> Revolute:
-    return Revolute(name=name, body_i=i, point_i=point_i, body_j=j, point_j=point_j)
 
 
 def four_bar(size: float = 1.0, x: float = 0.0) -> Mechanism:

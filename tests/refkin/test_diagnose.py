@@ -27,6 +27,7 @@ from refkin import (
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import _common_roots, balanced, cone
+from tests.refkin.assembly_cases import pin
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"
@@ -43,10 +44,6 @@ def at(linkage, angle, **more):
 def dead_centre():
     """Crank 1/4 and rod 1/2, stretched at 3/4: numbers without rounding."""
     return at(SliderCrank(0.25, 0.5), 0.75, driven="slider")
-
-
-def pin(name, body_i, point_i, body_j, point_j):
-    return Revolute(name=name, body_i=body_i, point_i=point_i, body_j=body_j, point_j=point_j)
 
 
 def with_wheel(scene):

@@ -94,16 +94,11 @@ def test_without_evidence_there_are_no_singular_values_and_no_proofs(level, coun
     assert not {"singular values", "proof"} & set(counted)
 
 
-def test_a_condition_is_one_batch_of_singular_values_and_no_proof(counted):
-    refkin.solve(replace(SCENE, evidence=frozenset({Evidence.CONDITION})))
+@pytest.mark.parametrize(("evidence", "batches"), [(Evidence.CONDITION, (1, 0)), (Evidence.CERTIFICATE, (0, 1))])
+def test_a_condition_is_one_batch_of_singular_values_and_a_certificate_one_of_proofs(evidence, batches, counted):
+    refkin.solve(replace(SCENE, evidence=frozenset({evidence})))
 
-    assert (counted["singular values"], counted["proof"]) == (1, 0)
-
-
-def test_a_certificate_is_one_batch_of_proofs_and_no_singular_values(counted):
-    refkin.solve(replace(SCENE, evidence=frozenset({Evidence.CERTIFICATE})))
-
-    assert (counted["singular values"], counted["proof"]) == (0, 1)
+    assert (counted["singular values"], counted["proof"]) == batches
 
 
 def test_a_gamma_in_a_position_only_scene_would_be_seen(monkeypatch, counted):
