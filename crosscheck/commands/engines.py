@@ -1,4 +1,4 @@
-"""`crosscheck engines`, names of engines, and what the terminal shows of them: abilities, agreement, a night's end."""
+"""`crosscheck engines`, names of engines, and tables of capabilities, of agreement, of a night's verdict."""
 
 from __future__ import annotations
 

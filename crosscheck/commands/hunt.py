@@ -1,4 +1,4 @@
-"""`crosscheck hunt`: where error / allowed is worst; `crosscheck hard`: what the engines do where it is hard."""
+"""`crosscheck hunt`: where error / allowed is worst; `crosscheck hard`: the engines at hard cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands have in common: kinds of arguments, and what is said of arguments that make no sense."""
+"""Arguments that commands share, messages about invalid ones, and the one printer of tables."""
 
 from __future__ import annotations
 

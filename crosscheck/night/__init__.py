@@ -1,1 +1,1 @@
-"""A night: drawing scenes, journal of what happened, golden set, disagreements, history."""
+"""A night: drawing scenes, journal of records, golden set, disagreements, history."""

@@ -1,4 +1,4 @@
-"""A night: draw scenes, have workers check them, keep every record, shrink what disagrees, say how it ended."""
+"""A night: draw scenes, have workers check them, keep the records, shrink disagreements, decide the verdict."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The golden set: a few fixed scenes, what the reference answers to them, and to how many digits each engine does.
+"""The golden set: a few fixed scenes, the answers of the reference, and the correct digits of each engine.
 
 It is data (`reports/baseline.json`, scenes included) that only an explicit command changes. Scenes that are new every
 night cannot tell a loss of accuracy from bad luck; these can, case by case:
 
-* the reference may not leave its own proof: two answers whose certified radii do not overlap cannot both be right;
+* the reference must stay within its proved radius: of two answers whose certified radii do not overlap one is wrong;
 * an engine may not lose more than half a digit, in the worst sample or in the median, where its error is larger than
   one evaluation of the formulas in float64 may leave. That is what is allowed without the safety factor
   (`crosscheck.judge.budget`); below it another order of operations, or another start of a Newton iteration, moves a

@@ -1,7 +1,7 @@
 """Nights kept in one SQLite file: verdicts, digits and times, and where the level of a time changed.
 
-Accuracy is judged on the golden set, where a change fails the night. Here times are watched: they only warn, since a
-machine has moods. What is watched is the ratio to the reference's own time in the same night.
+Accuracy is compared on the golden set, where a change fails the night. A change of times is only a warning, since
+the load of a machine varies. Times are divided by the reference's own time in the same night.
 
 Changes of level are told from noise by a penalty that the noise itself scales. The series is cut into pieces of
 constant level so that the squared distances from the levels, plus a price per cut, are least (optimal partitioning;

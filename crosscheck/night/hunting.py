@@ -3,8 +3,8 @@
 It begins with the worst scenes of a night, and with what Hypothesis derives from each. Then each stratum takes its
 turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
 method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in attainable
-radii, which is known where a budget of first order says nothing. A ratio above 1 is a finding, or a budget that forgot
-something.
+radii, which is known where a budget of first order says nothing. A ratio above 1 is an error of the engine, or a term
+missing from the budget.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a night is asked to do, how it ended, and its records on disk: JSON lines, appended as they come."""
+"""The plan of a night, its verdict, and its records on disk: JSON lines, appended as they come."""
 
 from __future__ import annotations
 

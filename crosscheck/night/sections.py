@@ -1,4 +1,4 @@
-"""What a night measures and draws beside its scenes, for the report.
+"""The other sections of a report, measured and drawn after the scenes of a night.
 
 Hard cases, prices, effects and the source documents: each is a file of plain rows in the night's folder
 (`report.measured` reads them). They are measured when the scenes are done, one after the other, so that nothing else

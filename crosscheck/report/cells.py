@@ -1,4 +1,4 @@
-"""What is counted per engine, method and quantity; digits as histograms, which merge exactly."""
+"""Counts per engine, method and quantity; digits are counted in histograms, which merge exactly."""
 
 from __future__ import annotations
 

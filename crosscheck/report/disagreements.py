@@ -1,4 +1,4 @@
-"""The disagreements of a run, one row per kind: new, or accounted for by a known gap; and what features came to."""
+"""The disagreements of a run, one row per kind: new, or explained by a known gap; and the results of features."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the first screen says: one row per engine and method, one line per folded section, and the picture of a pose."""
+"""The first screen: one row per engine and method, one line per folded section, and the picture of a pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a night wrote beside its records: prices, effects, hard cases, the golden set, the documents, the pictures.
+"""The files of a night beside its records: prices, effects, hard cases, the golden set, the documents, the pictures.
 
 Each is a file of plain rows. A file that is not there was not measured; one that cannot be read is a failure of the
 night.

@@ -1,6 +1,6 @@
 """A run in one pass over its records: the whole content of `report.json`. Memory does not grow with the samples.
 
-How a night ended is computed from what was found, the worst first, never assumed.
+The verdict of a night follows from its counts; the worst comes first.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a run adds up to: what its scenes were, what engines refused, what the reference says, how far engines agree."""
+"""Totals of a run: its scenes, the refusals of engines, the statuses of the reference, the agreement of engines."""
 
 from __future__ import annotations
 

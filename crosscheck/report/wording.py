@@ -1,4 +1,4 @@
-"""Numbers as a page shows them, and pages filled with them. What has no answer says so: no blank, no zero."""
+"""Numbers as a page shows them, and pages filled with them. A missing answer is written "no answer", never a blank."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def ratio(value: float | None) -> str:
 
 
 def seeding(value: str | None) -> str:
-    """Return in words how much of the answer a method was given."""
+    """Return in words what a method starts from."""
     return NO_ANSWER if value is None else SEEDING.get(value, value)
 
 
@@ -76,7 +76,7 @@ def whose(text: str | None, quantity: str) -> str:
 
 
 def sample(place: Mapping[str, Any]) -> str:
-    """Return where a number was met, its time to six figures, or else what is known; report.json has all digits."""
+    """Return the component and time of a number, the time to six figures; report.json has all digits."""
     if place["component"] is None:
         return str(place.get("message") or "not in the record")
     return str(place["component"]) if place["time"] is None else f"{place['component']} at t = {place['time']:.6g}"

@@ -1,4 +1,4 @@
-"""A whole scene, certified: on one branch from the first pose on, each pose proved, what cannot be told why."""
+"""A whole scene, certified: on one branch from the first pose on, each pose proved, or a message why it is not."""
 
 from __future__ import annotations
 
