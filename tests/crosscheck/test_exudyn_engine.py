@@ -13,7 +13,7 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
-from crosscheck.engines.exudyn.methods import Static
+from crosscheck.engines.exudyn.methods import BACK, Static
 from crosscheck.engines.exudyn.solve import solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
@@ -185,8 +185,9 @@ def test_rates_at_a_singular_jacobian_are_no_answer() -> None:
     singular, beyond_rounding = np.array([[1.0, 1.0], [1.0, 1.0]]), np.array([[1.0, 1.0], [1.0, 1.0 + 2.0**-52]])
 
     for matrix in (singular, beyond_rounding, np.vstack([singular, singular])):
-        assert np.all(np.isnan(solved(matrix, np.arange(float(len(matrix))))))
-    assert np.array_equal(solved(np.eye(2), np.array([1.0, 2.0])), [1.0, 2.0])
+        assert np.all(np.isnan(solved(matrix[None], np.arange(float(len(matrix)))[None])))
+    both = solved(np.array([np.eye(2), singular]), np.array([[1.0, 2.0], [1.0, 2.0]]))
+    assert np.array_equal(both, [[1.0, 2.0], [np.nan, np.nan]], equal_nan=True)
 
 
 @pytest.mark.parametrize("kind", ["rate", "table"])
@@ -235,3 +236,18 @@ def test_poses_that_are_extrapolated_begin_anew_after_one_that_was_not_reached()
 
     assert np.array_equal(starts[2], model.start)
     assert np.array_equal(starts[3], model.start + 1.0)
+
+
+def test_poses_are_extrapolated_by_the_polynomial_through_the_last_ones_whatever_the_steps():
+    times = tuple(0.1 * k + 0.03 * (k % 3) for k in range(9))
+    scene = replace(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=1.0), times=times)
+    model, starts = Static(scene, scene.mechanism.unit(), extrapolates=True), []
+
+    def step(t, start):
+        starts.append(start)
+        return model.start + np.polyval(np.arange(1.0, BACK + 1.0), t)
+
+    model.solve(step, 0)
+
+    for t, start in list(zip(times, starts, strict=True))[BACK:]:
+        assert start == pytest.approx(model.start + np.polyval(np.arange(1.0, BACK + 1.0), t), abs=1e-11)

@@ -381,9 +381,12 @@ def test_where_a_solution_is_nothing_but_rounding_there_is_none_in_any_unit(size
     ulp = np.array([[1.0, 1.0], [1.0, 1.0 + 2.0**-52]])
     regular = np.array([[1.0, 0.5], [0.25, 1.0]])
 
-    assert not np.isfinite(solved_or_not(size * ulp, np.array([1.0, 0.0]))).any()
-    assert solved_or_not(size * ulp, size * np.array([2.0, 2.0])) == pytest.approx([2.0, 0.0])
-    assert solved_or_not(size * regular, size * (regular @ [3.0, -1.0])) == pytest.approx([3.0, -1.0])
+    matrices, right = np.array([ulp, ulp, regular]), np.array([[1.0 / size, 0.0], [2.0, 2.0], regular @ [3.0, -1.0]])
+    beyond, fitting, of_regular = solved_or_not(size * matrices, size * right)
+
+    assert not np.isfinite(beyond).any()
+    assert fitting == pytest.approx([2.0, 0.0])
+    assert of_regular == pytest.approx([3.0, -1.0])
 
 
 @pytest.mark.parametrize("far", [1.0, 1e5])

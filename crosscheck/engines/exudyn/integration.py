@@ -20,7 +20,7 @@ from exudyn import itemInterface as item
 from crosscheck.engines import Array, EngineError, Switch, route_by
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.parts import Builder
-from crosscheck.engines.exudyn.solve import StaticNewton, rates_here
+from crosscheck.engines.exudyn.solve import StaticNewton, rates_at
 from refkin.joints import GROUND, PointDistance, Unit, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Status
@@ -46,7 +46,7 @@ class Integration:
         still = ExudynModel(bodies, constraints, unit)
         t = scene.times[0]
         self.q = StaticNewton(still)(t, start)
-        (self.qd,) = rates_here(still, t, 1)
+        self.qd = rates_at(still, self.q[None], np.array([t]), 1)[0][0]
         still.close()
 
     def solve(self, kind: Any, radius: float | None, steps: int, order: int) -> list[Any]:

@@ -1,7 +1,7 @@
 """exudyn's methods: its static solver with tolerances swept, its Newton called directly, its time integration.
 
 The static methods start each pose at the last one, as exudyn does by itself, the direct one at the extrapolated pose;
-velocity and acceleration are solved from exudyn's rows by NumPy, time by time, as it has no such analysis.
+velocity and acceleration are solved from exudyn's rows by NumPy, at all times at once, as it has no such analysis.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, refusals, refu
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
-from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, rates_here, start_of
+from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, rates_at, start_of
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.spatial.reading import in_space
@@ -30,8 +30,10 @@ from refkin.motion import Producer
 
 TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 """Norms of the residual at which the static solver stops, in sizes of the mechanism."""
-DIRECT = (1e-4, 1e-8, 5e-15)
+DIRECT = (1e-4, 1e-8, 2e-15)
 """The same where poses are extrapolated; the last is round-off."""
+BACK = 5
+"""So many poses are extrapolated from."""
 BARE = 1e-12
 """The same where rounding does not let it reach a tighter one."""
 CHAIN_TOLERANCE = 1e-9
@@ -143,14 +145,16 @@ def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Mo
 class Static:
     """A scene in exudyn's static solver, in a unit of length.
 
-    Each pose is started at the last one that was reached; if it `extrapolates`, where the rates of the one before lead,
-    or, if that was not reached, at the estimates.
+    Each pose is started at the last one that was reached; if it `extrapolates`, where the polynomial through the last
+    `BACK` ones leads; if the one before was not reached, at the estimates. Rates are found at all times at once.
     """
 
     def __init__(self, scene: Scene, unit: Unit, *, extrapolates: bool = False) -> None:
         self.scene, self.unit, self.extrapolates = scene, unit, extrapolates
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
         self.start = start_of(scene, unit)
+        self.times = np.array(scene.times)
+        self.weights = [_weights(self.times, count + 1) for count in range(BACK)]
 
     def by(self, step: Any) -> Model:
         """Return the model that goes from pose to pose by `step`, (t, start) -> pose."""
@@ -158,28 +162,32 @@ class Static:
 
     def solve(self, step: Any, order: int) -> list[Any]:
         """Return the levels up to an order."""
-        times, q, reached = self.scene.times, self.start, 0
-        levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
-        for k, t in enumerate(times):
+        levels = np.full((order + 1, len(self.times), len(self.start)), np.nan)
+        q, start, reached = levels[0], self.start, 0
+        for k, t in enumerate(self.scene.times):
+            if self.extrapolates and reached:
+                back = min(reached, BACK)
+                start = self.weights[back - 1][k] @ q[k - back : k]
             try:
-                q = step(t, self._ahead(levels, k, reached) if self.extrapolates and reached else q)
+                q[k] = start = step(t, start)
             except EngineError:
-                q, reached = self.start if self.extrapolates else q, 0
+                start, reached = self.start if self.extrapolates else start, 0
                 continue
             reached += 1
-            levels[0][:, k] = q
-            if order:
-                for level, rate in zip(levels[1:], rates_here(self.model, t, order), strict=True):
-                    level[:, k] = rate
-        return levels
+        known = np.isfinite(q[:, 0])
+        for level, rates in zip(levels[1:], rates_at(self.model, q[known], self.times[known], order), strict=True):
+            level[known] = rates
+        return [level.T for level in levels]
 
-    def _ahead(self, levels: list[Any], k: int, reached: int) -> Any:
-        """Return the k-th pose by the rates of the one before it, or by the way to that from the one before it."""
-        t, (q, *rates) = self.scene.times, (level[:, k - 1] for level in levels)
-        h = t[k] - t[k - 1]
-        if rates:
-            return q + h * (rates[0] + 0.5 * h * rates[1] if len(rates) > 1 else rates[0])
-        return q if reached == 1 else q + (q - levels[0][:, k - 2]) * (h / (t[k - 1] - t[k - 2]))
+
+def _weights(t: Any, count: int) -> Any:
+    """Return of times (T,) what the polynomial through the so many before each has of the poses there (T, count)."""
+    weights, rest = np.ones((len(t), count)), len(t[count:])
+    before = [t[k : k + rest] for k in range(count)]
+    for k, at in enumerate(before):
+        for other in before[:k] + before[k + 1 :]:
+            weights[count:, k] *= (t[count:] - other) / (at - other)
+    return weights
 
 
 class ChainSolver:

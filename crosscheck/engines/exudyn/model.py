@@ -237,14 +237,6 @@ class ExudynModel(ExudynSystem):
                 rows[:] = self.with_rates(self.equations(of_velocity=True))
         return out
 
-    def drift_here(self, qd: Array) -> Array:
-        """Return gamma, (m,), where exudyn stands, at the time and with the laws' derivatives that were set."""
-        self.data.SetODE2Coordinates_t(qd, CURRENT)
-        out, table = np.zeros(self.m), self.read.now().tolist()
-        for rows, block in self.blocks:
-            out[rows] = block.drift(table, self.clock.values)
-        return out
-
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
         """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once."""
         place, move, read = self.data.SetODE2Coordinates, self.data.SetODE2Coordinates_t, self.read.now

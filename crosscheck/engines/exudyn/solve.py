@@ -14,7 +14,7 @@ from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import March, march, march_of
-from crosscheck.engines.poses import EPS, Equations, close, extrema, solve
+from crosscheck.engines.poses import EPS, Equations, close, extrema, largest, solve
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Scene
@@ -342,34 +342,34 @@ def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
     return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]
 
 
-def rates_here(model: ExudynModel, t: float, order: int) -> list[Array]:
-    """Return velocity and, up to the order, acceleration of the pose at which exudyn stands, NaN where it is singular.
+def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Array]:
+    """Return velocities and, up to the order, accelerations (B, n) of poses q (B, n) at times, NaN where singular.
 
     exudyn has no such analysis: the rows are its own, the linear systems are solved here.
     """
-    model.set_time(t, order)
-    model.data.SetODE2Coordinates_t(model.still, CURRENT)
-    right = model.with_rates(model.equations(of_velocity=True))
-    jacobian = model.slopes()[model.live]
-    rates = [solved(jacobian, -right[model.live])]
+    if not order or not len(q):
+        return [q] * order
+    jacobians = np.array([model.jacobian(*each) for each in zip(q, times.tolist(), strict=True)])[:, model.live]
+    rates = [solved(jacobians, -model.at_rest(q[0], times.tolist())[:, model.live])]
     if order > 1:
-        rates.append(solved(jacobian, model.drift_here(rates[0])[model.live]))
+        rates.append(solved(jacobians, model.drifts(q, rates[0], times)[:, model.live]))
     return rates
 
 
 def solved(jacobian: Array, right: Array) -> Array:
-    """Return x of jacobian (m, n) x = right (m,), of redundant rows by least squares; NaN where the matrix is singular.
+    """Return x (B, n) of jacobian (B, m, n) x = right (B, m), of redundant rows by least squares; NaN where singular.
 
     Singular also means: x outgrows the right side by so much that the rounding of the matrix alone makes up for it.
     """
-    m, n = jacobian.shape
-    x = solve(jacobian[None], right[None])[0]
+    _, m, n = jacobian.shape
+    x = solve(jacobian, right)
     if m == n:
-        sound = n * EPS * np.abs(jacobian).max() * np.abs(x).max() <= np.abs(right).max()
+        sound = n * EPS * np.abs(jacobian).max(axis=(1, 2)) * largest(x) <= largest(right)
     else:
         sigma = np.linalg.svd(jacobian, compute_uv=False)
-        sound = sigma[-1] > EPS * max(m, n) * sigma[0]
-    return x if sound else np.full(n, np.nan)
+        sound = sigma[:, -1] > EPS * max(m, n) * sigma[:, 0]
+    x[~sound] = np.nan
+    return x
 
 
 def _largest(x: Array) -> float:
