@@ -131,9 +131,8 @@ def columns_of_the_next_body(right: Any, unit: Any, levels: Any) -> Any:
     return right(unit, [np.roll(level, 3, axis=0) for level in levels])
 
 
-def clock_without_rate(right: Any, self: Any, t: float, order: int) -> None:
-    right(self, t, order)
-    self.values[:] = [(f, 0.0, fdd) for f, _, fdd in self.values]
+def no_law_moves(right: Any, self: Any, one: int) -> None:
+    right(self, -1)
 
 
 def stopped_clock(right: Any, self: Any, t: float, order: int) -> None:
@@ -220,7 +219,7 @@ OF_ADAPTERS = {
         around(exudyn_readings.Readings, "local", marker_off), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a driver whose rate is forgotten": Fault(
-        around(exudyn_parts.Clock, "set", clock_without_rate), FOUR_BAR, ("exudyn",), "velocity", ("position",)
+        around(exudyn_parts.Clock, "at_rate", no_law_moves), FOUR_BAR, ("exudyn",), "velocity", ("position",)
     ),
     "exudyn: columns of another body": Fault(
         around(exudyn_engine, "in_metres", columns_of_the_next_body), FOUR_BAR, ("exudyn",), "position"

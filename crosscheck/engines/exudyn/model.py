@@ -17,7 +17,8 @@ from refkin.joints import SI, Constraint, Unit
 from refkin.model import Body
 
 CURRENT = exu.ConfigurationType.Current
-NO_FORCES = {"scalarFactor_ODE2": 0, "scalarFactor_ODE2_t": 0, "scalarFactor_ODE1": 0}
+NO_FORCES = (0.0, 0.0, 0.0)
+"""By what the parts of the Jacobian are scaled that are no constraint's."""
 
 
 class ExudynSystem:
@@ -80,7 +81,7 @@ class ExudynSystem:
         """Return the Jacobian (m, n) of `squared` rows where exudyn stands; `rows` are its own there, if known."""
         try:
             # The first call only clears the matrix, to which the second adds.
-            self.solver.ComputeJacobianODE2RHS(self.mbs, **NO_FORCES)
+            self.solver.ComputeJacobianODE2RHS(self.mbs, *NO_FORCES)
             self.solver.ComputeJacobianAE(self.mbs)
         except exu.InternalError as error:
             raise EngineError(f"exudyn: {error}") from error
@@ -175,6 +176,7 @@ class ExudynModel(ExudynSystem):
         super().__init__()
         self.clock = Clock()
         self._distances_at = math.nan
+        self._moved: Array | None = None
         builder = Builder(self.mbs, bodies, constraints, unit, self.clock, mass)
         if more is not None:
             more(builder)
@@ -195,7 +197,6 @@ class ExudynModel(ExudynSystem):
         self._driven = [(rows[0], b, b.cylinder) for rows, b in self.blocks if b.cylinder is not None]
         self.powers = np.array([power for _, block in self.blocks for power in block.powers])
         self.begin(redundant=len(self.live) > 3 * len(bodies))
-        self.still = np.zeros(self.n)
 
     def residual(self, q: Array, t: float) -> Array:
         """Return exudyn's residual, (m,).
@@ -217,25 +218,37 @@ class ExudynModel(ExudynSystem):
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return exudyn's residual of velocities, phi_q qd + phi_t, (m,); raises as `residual` does."""
         self.set_state(q, t, qd)
-        return self.with_rates(self.times_lengths(self.equations(of_velocity=True)))
-
-    def with_rates(self, rows: Array) -> Array:
-        """Return rates of rows with what those of driven distances owe to f', which exudyn knows not."""
-        for row, _, law in self._driven:
+        rows = self.times_lengths(self.equations(of_velocity=True))
+        for row, _, law in self._driven:  # what they owe to f', which exudyn knows not
             f, fd, _ = self.clock.values[law]
             rows[row] -= f * fd
         return rows
 
-    def at_rest(self, q: Array, times: Sequence[float]) -> Array:
-        """Return exudyn's rows of velocity (B, m) at times while bodies rest at q, NaN where exudyn has none."""
-        out = np.full((len(times), self.m), math.nan)
-        self.data.SetODE2Coordinates(q, CURRENT)
-        self.data.SetODE2Coordinates_t(self.still, CURRENT)
-        for rows, t in zip(out, times, strict=True):
+    def at_rest(self, q: Array, t: Array) -> Array:
+        """Return exudyn's rows of velocity (B, m) at times (B,) while bodies rest at q, NaN where it has none there.
+
+        They are what the rates of laws move, wherever bodies are: exudyn is asked once for each law, at a rate of 1.
+        """
+        if self._moved is None:
             with suppress(EngineError):
-                self.set_time(t, 1)
-                rows[:] = self.with_rates(self.equations(of_velocity=True))
-        return out
+                self._moved = self._moved_by_laws(q)
+        if self._moved is None:
+            return np.full((len(t), self.m), math.nan)
+        f, fd, _ = self.clock.over(t, 1).transpose(1, 0, 2)
+        rows = fd.T @ self._moved
+        for row, _, law in self._driven:
+            rows[:, row] -= f[law] * fd[law]
+        return rows
+
+    def _moved_by_laws(self, q: Array) -> Array:
+        """Return what a rate of 1 of each law makes of exudyn's rows of velocity, (laws, m)."""
+        self.data.SetODE2Coordinates(q, CURRENT)
+        self.data.SetODE2Coordinates_t(np.zeros(self.n), CURRENT)
+        moved = np.zeros((len(self.clock.laws), self.m))
+        for law, rows in enumerate(moved):
+            self.clock.at_rate(law)
+            rows[:] = self.equations(of_velocity=True)
+        return moved
 
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
         """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once."""
@@ -245,7 +258,7 @@ class ExudynModel(ExudynSystem):
             place(at, CURRENT)
             move(rate, CURRENT)
             states.append(read())
-        table, laws = np.array(states).T, self.clock.over(t, 2)
+        table, laws = self.read.table(states), self.clock.over(t, 2)
         out = np.zeros((len(t), self.m))
         for rows, block in self.blocks:
             for row, values in zip(rows, block.drift(table, laws), strict=True):

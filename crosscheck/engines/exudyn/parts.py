@@ -66,10 +66,10 @@ class Clock:
 
     def __init__(self) -> None:
         self.laws: list[tuple[Law, float, float]] = []
-        self.values: list[tuple[float, ...]] = []
+        self.values: list[Sequence[float]] = []
         self._known: tuple[float, int] = (math.nan, 0)
         self._least = 0
-        self._table: dict[float, list[tuple[float, ...]]] = {}
+        self._table: dict[float, list[Sequence[float]]] = {}
 
     def add(self, law: Law, shift: float, size: float) -> int:
         """Take in a law, as (f - shift) / size, and return its number."""
@@ -79,16 +79,33 @@ class Clock:
 
     def tabulate(self, times: Sequence[float], order: int) -> None:
         """Evaluate the laws at all times that will be asked for, with derivatives up to `order`; so at others, too."""
-        laws = self.over(np.array(times), order).transpose(2, 0, 1).tolist()
-        self._least, self._table = order, dict(zip(times, ([tuple(law) for law in row] for row in laws), strict=True))
+        self._least, self._table = order, {}
+        self._add(np.array(times))
+
+    def _add(self, times: Array) -> None:
+        self._table.update(zip(times.tolist(), self._over(times, self._least).transpose(2, 0, 1).tolist(), strict=True))
 
     def over(self, times: Array, order: int) -> Array:
-        """Return the laws with their derivatives up to `order`, NaN beyond, at times (B,): (laws, 3, B)."""
+        """Return the laws with their derivatives up to `order`, or more, at times (B,): (laws, 3, B)."""
+        if order > self._least:
+            return self._over(times, order)
+        asked = times.tolist()
+        new = [t for t in asked if t not in self._table]
+        if new:
+            self._add(np.array(new))
+        return np.array([self._table[t] for t in asked]).transpose(1, 2, 0)
+
+    def _over(self, times: Array, order: int) -> Array:
         values = np.full((len(self.laws), 3, len(times)), math.nan)
         for rows, (law, shift, size) in zip(values, self.laws, strict=True):
             for i in range(order + 1):
                 rows[i] = (law(times, i) - (0.0 if i else shift)) / size
         return values
+
+    def at_rate(self, one: int) -> None:
+        """Say that one law goes at a rate of 1 and all others stand still."""
+        self._known = (math.nan, 0)
+        self.values[:] = [(math.nan, float(k == one), math.nan) for k in range(len(self.laws))]
 
     def set(self, t: float, order: int) -> None:
         """Evaluate the laws and their derivatives up to `order`, unless that is what they say already.

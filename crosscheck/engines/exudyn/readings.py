@@ -9,6 +9,7 @@ follow for all states at once. A vector of the plane is a complex number, or an 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import exudyn as exu
@@ -36,10 +37,15 @@ class Readings:
         self._calls: list[tuple[Any, Any, list[float]]] = []
         self._size = 0
 
-    def now(self) -> Array:
-        """Return all that was asked for, at the present state."""
+    def now(self) -> list[Array]:
+        """Return all that was asked for, at the present state: what `table` puts in order."""
         output = self.output
-        return np.concatenate([output(*call) for call in self._calls]) if self._calls else np.zeros(0)
+        return [output(*call) for call in self._calls]
+
+    def table(self, states: Sequence[list[Array]]) -> Array:
+        """Return what was read at B states as rows (size, B)."""
+        read = list(chain.from_iterable(states))
+        return np.concatenate(read).reshape(len(states), -1).T if read else np.zeros((0, len(states)))
 
     def local(self, body: str, point: Pair) -> list[float]:
         """Return a point of a body as exudyn wants it: in the model's unit, three components."""

@@ -211,7 +211,6 @@ class ExudynEquations(OwnSolver):
         self._live: Any = slice(None) if whole else model.live
         self._weights = np.zeros(model.m)
         self._weights[model.live] = 1.0 / self.row_scale
-        self._at_rest = dict[float, Array]()
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
@@ -236,15 +235,8 @@ class ExudynEquations(OwnSolver):
         return jacobians[:, self._live] * self._scale
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right sides of the velocities (B, m): what exudyn's rows of velocity leave while bodies rest.
-
-        They are the rates of what the laws move, wherever bodies are. NaN where exudyn has none.
-        """
-        new = [at for at in t.tolist() if at not in self._at_rest]
-        if new:
-            rows = self.model.at_rest(q[0] * self.column_scale, new)[:, self._live] / -self.row_scale
-            self._at_rest.update(zip(new, rows, strict=True))
-        return np.array([self._at_rest[at] for at in t.tolist()])
+        """Return the right sides of the velocities (B, m): what exudyn's rows of velocity leave while bodies rest."""
+        return self.model.at_rest(q[0] * self.column_scale, t)[:, self._live] / -self.row_scale
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         drift = self.model.drifts(q * self.column_scale, qd * self.column_scale, t)
@@ -350,7 +342,7 @@ def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Arr
     if not order or not len(q):
         return [q] * order
     jacobians = np.array([model.jacobian(*each) for each in zip(q, times.tolist(), strict=True)])[:, model.live]
-    rates = [solved(jacobians, -model.at_rest(q[0], times.tolist())[:, model.live])]
+    rates = [solved(jacobians, -model.at_rest(q[0], times)[:, model.live])]
     if order > 1:
         rates.append(solved(jacobians, model.drifts(q, rates[0], times)[:, model.live]))
     return rates
