@@ -175,11 +175,15 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     The first follows from `last`.
     """
     t = np.union1d(times, equations.extrema(np.append(last.t, times)))
-    knots = _rough(equations, last, t)
-    t = t[t <= knots[0][-1]]
+    if hasattr(equations, "along"):  # an engine's own Newton goes from pose to pose
+        poses = equations.along(last, t)
+    else:
+        knots = _rough(equations, last, t)
+        t = t[t <= knots[0][-1]]
+        poses = close(equations, _cubics(*knots, t), t) if len(t) else last[:0]
+    t = poses.t
     if not len(t):
         return last[:0], np.zeros(0, bool)
-    poses = close(equations, _cubics(*knots, t), t)
     poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])

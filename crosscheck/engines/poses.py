@@ -2,8 +2,9 @@
 
 Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`. An engine
 with a Newton of its own has `closed` besides, (q, t, last or None) -> poses, Jacobians, largest residuals: it is called
-in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one. If it is not one
-that `predicts`, what it says is believed, whatever residual it leaves.
+in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one; so is `along`,
+(last, t) -> poses, each predicted from those before it, as far as it goes. If it is not one that `predicts`, what it
+says is believed, whatever residual it leaves.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
-from crosscheck.engines.exudyn.methods import BACK, Static
-from crosscheck.engines.exudyn.solve import solved
+from crosscheck.engines.exudyn.methods import Static
+from crosscheck.engines.exudyn.solve import BACK, solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, AngleDriver, Distance

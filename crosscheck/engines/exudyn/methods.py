@@ -19,7 +19,15 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, refusals, refu
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
-from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, rates_at, start_of
+from crosscheck.engines.exudyn.solve import (
+    BACK,
+    ShippedSolve,
+    StaticNewton,
+    extrapolation,
+    in_metres,
+    rates_at,
+    start_of,
+)
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.spatial.reading import in_space
@@ -32,8 +40,6 @@ TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 """Norms of the residual at which the static solver stops, in sizes of the mechanism."""
 DIRECT = (1e-4, 1e-8, 2e-15)
 """The same where poses are extrapolated; the last is round-off."""
-BACK = 5
-"""So many poses are extrapolated from."""
 BARE = 1e-12
 """The same where rounding does not let it reach a tighter one."""
 CHAIN_TOLERANCE = 1e-9
@@ -154,7 +160,7 @@ class Static:
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
         self.start = start_of(scene, unit)
         self.times = np.array(scene.times)
-        self.weights = [_weights(self.times, count + 1) for count in range(BACK)]
+        self.weights = extrapolation(self.times)
 
     def by(self, step: Any) -> Model:
         """Return the model that goes from pose to pose by `step`, (t, start) -> pose."""
@@ -163,31 +169,20 @@ class Static:
     def solve(self, step: Any, order: int) -> list[Any]:
         """Return the levels up to an order."""
         levels = np.full((order + 1, len(self.times), len(self.start)), np.nan)
-        q, start, reached = levels[0], self.start, 0
+        q, start, since, weights = levels[0], self.start, 0, self.weights
         for k, t in enumerate(self.scene.times):
-            if self.extrapolates and reached:
-                back = min(reached, BACK)
-                start = self.weights[back - 1][k] @ q[k - back : k]
+            if self.extrapolates and k > since:
+                back = min(k - since, BACK)
+                start = weights[k - since, -back:] @ q[k - back : k]
             try:
                 q[k] = start = step(t, start)
             except EngineError:
-                start, reached = self.start if self.extrapolates else start, 0
-                continue
-            reached += 1
+                if self.extrapolates:
+                    start, since, weights = self.start, k + 1, extrapolation(self.times[k + 1 :])
         known = np.isfinite(q[:, 0])
         for level, rates in zip(levels[1:], rates_at(self.model, q[known], self.times[known], order), strict=True):
             level[known] = rates
         return [level.T for level in levels]
-
-
-def _weights(t: Any, count: int) -> Any:
-    """Return of times (T,) what the polynomial through the so many before each has of the poses there (T, count)."""
-    weights, rest = np.ones((len(t), count)), len(t[count:])
-    before = [t[k : k + rest] for k in range(count)]
-    for k, at in enumerate(before):
-        for other in before[:k] + before[k + 1 :]:
-            weights[count:, k] *= (t[count:] - other) / (at - other)
-    return weights
 
 
 class ChainSolver:

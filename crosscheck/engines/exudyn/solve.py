@@ -14,7 +14,7 @@ from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import March, march, march_of
-from crosscheck.engines.poses import EPS, Equations, close, extrema, largest, solve
+from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Scene
@@ -28,6 +28,8 @@ SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
+BACK, STEEPEST = 5, 64.0
+"""So many poses are extrapolated from, fewer where the polynomial through them has more than this of one of them."""
 REASONS = {
     Status.SINGULAR: "its Jacobian is singular",
     Status.BRANCH_LOST: "no step is small enough to tell which of two assemblies continues the motion",
@@ -116,15 +118,15 @@ class ShippedSolve:
         return self.model.equations()
 
 
-class OwnSolver(Equations):
-    """Equations of which poses are found by exudyn's own solver: `poses.Equations`, but for rows and rates.
+class OwnSolver:
+    """Equations of which poses are found by exudyn's own solver: `poses.Equations` without rows, and without rates.
 
     A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it reached.
 
     Attributes
     ----------
-    m, accepted : int, float
-        How many rows exudyn has, and the largest residual with which a pose is believed, of coordinates up to 1.
+    shape : (int, int)
+        How many rows and coordinates exudyn has.
     failed : dict
         Time -> why there is no pose of exudyn's at it.
     together : bool
@@ -136,18 +138,14 @@ class OwnSolver(Equations):
     predicts = together = True
     furthest = math.inf
 
-    def __init__(self, m: int, accepted: float) -> None:
-        self.m, self.accepted = m, accepted
+    def __init__(self, *shape: int) -> None:
+        self.shape = shape
         self.failed = dict[float, str]()
         self._last: Array | None = None
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
         """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none."""
         raise NotImplementedError
-
-    def round_off(self, q: Array, t: Array) -> Array:
-        """Return the largest components of residuals with which poses are believed, (B, 1)."""
-        return self.accepted * np.maximum(1.0, np.abs(q).max(axis=1, keepdims=True))
 
     def apart(self, q: Array, other: Array) -> float:
         """Return the largest component [sizes, rad] by which a pose differs from another."""
@@ -158,24 +156,45 @@ class OwnSolver(Equations):
 
         Predictions from `last` are not to be left by more than a part of the way from there: as `poses.close`.
         """
-        count, n = q.shape
-        poses, residuals, jacobians = (np.full((count, *more), np.nan) for more in ((n,), (), (self.m, n)))
-        for k, (start, at) in enumerate(zip(q, t.tolist(), strict=True)):
-            if self._last is not None and not self.predicts:
-                start = self._last
-            try:
-                pose, *of_pose = self.solved(start, at)
-            except EngineError as error:
-                self.failed[at] = str(error)
-                continue
-            self._last = pose
-            self.failed.pop(at, None)
-            near = math.inf if last is None else min(max(ASTRAY * self.apart(pose, last), NEAR), self.furthest)
-            if self.apart(pose, start) <= near:
-                poses[k], (residuals[k], jacobians[k]) = pose, of_pose
+        return self._joined([self._reached(start, at, last) for start, at in zip(q, t.tolist(), strict=True)])
+
+    def _reached(self, start: Array, t: float, last: Array | None = None) -> tuple[Array, float, Array] | None:
+        if self._last is not None and not self.predicts:
+            start = self._last
+        try:
+            solved = self.solved(start, t)
+        except EngineError as error:
+            self.failed[t] = str(error)
+            return None
+        self._last = pose = solved[0]
+        self.failed.pop(t, None)
+        if last is None:
+            return solved
+        near = min(max(ASTRAY * self.apart(pose, last), NEAR), self.furthest)
+        return solved if self.apart(pose, start) <= near else None
+
+    def _joined(self, solved: Sequence[tuple[Array, float, Array] | None]) -> tuple[Array, Array, Array]:
+        nothing = np.full(self.shape[1], np.nan), math.nan, np.full(self.shape, np.nan)
+        poses, residuals, jacobians = map(np.array, zip(*(one or nothing for one in solved), strict=True))
         return poses, jacobians, residuals
 
-    def motion(self, start: Array, times: Sequence[float], order: int) -> March:
+    def along(self: Any, last: Poses, t: Array) -> Poses:
+        """Return the poses after one at times (B,), up to the first that exudyn does not reach.
+
+        Each is started where the polynomial through the ones before it leads, the first on the tangent.
+        """
+        q, times = [last.q[0]], np.append(last.t, t)
+        weights, solved = extrapolation(times), list[tuple[Array, float, Array]]()
+        for k, at in enumerate(t.tolist(), 1):
+            start = weights[k, -k:] @ np.array(q[-BACK:]) if k > 1 else q[0] + (at - times[0]) * last.qd[0]
+            one = self._reached(start, at)
+            if one is None:
+                break
+            q.append(one[0])
+            solved.append(one)
+        return with_velocities(self, t[: len(solved)], *self._joined(solved)) if solved else last[:0]
+
+    def motion(self: Any, start: Array, times: Sequence[float], order: int) -> March:
         """Return the motion from an estimate of the first pose."""
         if self.predicts:
             return march(self, start, times, order, together=self.together, resumes=True)
@@ -202,7 +221,7 @@ class ExudynEquations(OwnSolver):
     """exudyn's rows of a scene of the plane, lengths in sizes, and poses by a solver of its own."""
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
-        super().__init__(model.m, solver.accepted)
+        super().__init__(model.m, model.n)
         self.model, self.solver, self.predicts = model, solver, solver.predicts
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
@@ -216,23 +235,6 @@ class ExudynEquations(OwnSolver):
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
         self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
         model.clock.tabulate(scene.times, max(order_of(scene), 1))
-
-    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residuals (B, m) and Jacobians (B, m, n), NaN where exudyn has none."""
-        residuals, jacobians = zip(*map(self._rows, q * self.column_scale, t.tolist()), strict=True)
-        return np.array(residuals)[:, self._live] / self.row_scale, self._scaled(np.array(jacobians))
-
-    def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
-        try:
-            self.model.set_state(q, t)
-            rows = self.model.equations()
-            return self.model.squared(rows.copy()), self.model.slopes(rows)
-        except EngineError:
-            return np.full(self.m, np.nan), np.full((self.m, self.model.n), np.nan)
-
-    def _scaled(self, jacobians: Array) -> Array:
-        """Return exudyn's Jacobians (B, m, n) without empty rows, in units of the size."""
-        return jacobians[:, self._live] * self._scale
 
     def nu(self, q: Array, t: Array) -> Array:
         """Return the right sides of the velocities (B, m): what exudyn's rows of velocity leave while bodies rest."""
@@ -252,8 +254,8 @@ class ExudynEquations(OwnSolver):
         """
         q, rows = self.solver(t, start), self.solver.rows
         jacobian = self.model.slopes(rows)
-        gap = _largest(self.model.squared(rows) * self._weights)
-        if gap > self.accepted and not gap <= self.accepted * _largest(q / self.column_scale):
+        gap, accepted = _largest(self.model.squared(rows) * self._weights), self.solver.accepted
+        if gap > accepted and not gap <= accepted * _largest(q / self.column_scale):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         for held, _, off in self._turned(q):
             if abs(off) > 1.0:
@@ -262,9 +264,11 @@ class ExudynEquations(OwnSolver):
 
     def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
         """Return poses, Jacobians and residuals as `OwnSolver`, in sizes and of rows that are not empty."""
-        scale = self.column_scale
-        poses, jacobians, residuals = super().closed(q * scale, t, None if last is None else last * scale)
-        return poses / scale, self._scaled(jacobians), residuals
+        return super().closed(q * self.column_scale, t, None if last is None else last * self.column_scale)
+
+    def _joined(self, solved: Sequence[tuple[Array, float, Array] | None]) -> tuple[Array, Array, Array]:
+        poses, jacobians, residuals = super()._joined(solved)
+        return poses / self.column_scale, jacobians[:, self._live] * self._scale, residuals
 
     def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
         """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
@@ -332,6 +336,31 @@ def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
     bodies = len(levels[0]) // 3
     scale, shift = np.tile([unit.size, unit.size, 1.0], bodies), np.tile([*unit.origin, 0.0], bodies)
     return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]
+
+
+def extrapolation(t: Array) -> Array:
+    """Return what the polynomial through the last `BACK` of times (T,) before each has of the samples there, (T, BACK).
+
+    It goes through as many as there are, the others have zeros; through fewer where times nearly coincide.
+    """
+    weights = np.zeros((len(t), BACK))
+    for count in range(1, BACK + 1):
+        rows = slice(count, count + 1 if count < BACK else None)
+        weights[rows, BACK - count :] = _polynomial(t[: count + 1] if count < BACK else t, count)
+    for k in np.flatnonzero(np.abs(weights).max(axis=1) > STEEPEST):
+        count = BACK
+        while np.abs(weights[k]).max() > STEEPEST:
+            count -= 1
+            weights[k] = np.append(np.zeros(BACK - count), _polynomial(t[k - count : k + 1], count))
+    return weights
+
+
+def _polynomial(t: Array, count: int) -> Array:
+    """Return the weights of so many samples before each of times (T,) but the first of them, (T - count, count)."""
+    before = np.array([t[k : k + len(t[count:])] for k in range(count)])
+    others = [[i for i in range(count) if i != k] for k in range(count)]
+    ahead, apart = t[count:] - before, before[:, None] - before
+    return np.array([np.prod(ahead[i], axis=0) / np.prod(apart[k, i], axis=0) for k, i in enumerate(others)]).T
 
 
 def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Array]:

@@ -81,18 +81,14 @@ class SpaceEquations(OwnSolver):
     def __init__(
         self, model: ExudynSpace, numbers: Numbers, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False
     ) -> None:
-        accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
-        super().__init__(len(model.lines) + len(numbers.passive) + len(numbers.bodies), accepted)
+        self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
+        super().__init__(len(model.lines) + len(numbers.passive) + len(numbers.bodies), model.n)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
         self.together = not numbers.passive
         passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]
         self.moving = np.delete(np.arange(model.n), passive)
         self.default = quiet_settings()
         bear_redundant_rows(self.default)
-
-    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        residuals, jacobians = zip(*map(self._rows, q, t.tolist()), strict=True)
-        return np.array(residuals), np.array(jacobians)
 
     def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
         bodies = q.reshape(-1, 7)
