@@ -114,8 +114,9 @@ class ShippedSolve:
 
     @property
     def rows(self) -> Array:
-        """The rows of exudyn at the pose."""
-        return self.model.equations()
+        """The rows of exudyn at the pose, as SolveStatic left them."""
+        rows: Array = self.model.mbs.sys["staticSolver"].GetSystemResidual()[self.model.n :]
+        return rows
 
 
 class OwnSolver:
@@ -343,24 +344,22 @@ def extrapolation(t: Array) -> Array:
 
     It goes through as many as there are, the others have zeros; through fewer where times nearly coincide.
     """
-    weights = np.zeros((len(t), BACK))
-    for count in range(1, BACK + 1):
-        rows = slice(count, count + 1 if count < BACK else None)
-        weights[rows, BACK - count :] = _polynomial(t[: count + 1] if count < BACK else t, count)
-    for k in np.flatnonzero(np.abs(weights).max(axis=1) > STEEPEST):
+    weights, times = np.zeros((len(t), BACK)), t.tolist()
+    for k in range(1, min(len(t), BACK)):
+        weights[k, -k:] = _polynomial(times[k], times[:k])
+    if len(t) > BACK:
+        weights[BACK:] = np.transpose(_polynomial(t[BACK:], [t[k : k - BACK] for k in range(BACK)]))
+    for k in np.flatnonzero(np.abs(weights).max(axis=1) > STEEPEST).tolist():
         count = BACK
         while np.abs(weights[k]).max() > STEEPEST:
             count -= 1
-            weights[k] = np.append(np.zeros(BACK - count), _polynomial(t[k - count : k + 1], count))
+            weights[k] = [*[0.0] * (BACK - count), *_polynomial(times[k], times[k - count : k])]
     return weights
 
 
-def _polynomial(t: Array, count: int) -> Array:
-    """Return the weights of so many samples before each of times (T,) but the first of them, (T - count, count)."""
-    before = np.array([t[k : k + len(t[count:])] for k in range(count)])
-    others = [[i for i in range(count) if i != k] for k in range(count)]
-    ahead, apart = t[count:] - before, before[:, None] - before
-    return np.array([np.prod(ahead[i], axis=0) / np.prod(apart[k, i], axis=0) for k, i in enumerate(others)]).T
+def _polynomial(t: Any, before: Sequence[Any]) -> list[Any]:
+    """Return how much the polynomial through samples before has of each at a time, or at times (T,)."""
+    return [math.prod((t - b) / (a - b) for b in before if b is not a) for a in before]
 
 
 def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Array]:
