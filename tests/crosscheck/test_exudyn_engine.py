@@ -14,7 +14,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.methods import Static
-from crosscheck.engines.exudyn.solve import BACK, solved
+from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, AngleDriver, Distance
@@ -251,3 +251,16 @@ def test_poses_are_extrapolated_by_the_polynomial_through_the_last_ones_whatever
 
     for t, start in list(zip(times, starts, strict=True))[BACK:]:
         assert start == pytest.approx(model.start + np.polyval(np.arange(1.0, BACK + 1.0), t), abs=1e-11)
+
+
+@pytest.mark.parametrize("near", range(1, 8))
+def test_poses_are_extrapolated_through_fewer_where_times_nearly_coincide(near):
+    """The polynomial through both would carry the rounding of a sample off by as much as they are close."""
+    times = np.sort([*(0.1 * np.arange(9.0)), 0.1 * near + 1e-12])
+    weights = extrapolation(times)
+
+    assert np.max(np.abs(weights)) <= STEEPEST
+    for k in range(1, len(times)):
+        before = np.append(np.zeros(BACK), times)[k : k + BACK]
+        assert weights[k].sum() == pytest.approx(1.0, abs=1e-12)
+        assert weights[k] @ before == pytest.approx(times[k], abs=0.11)  # the step, at worst

@@ -28,7 +28,7 @@ SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
-BACK, STEEPEST = 5, 64.0
+BACK, STEEPEST = 5, 1e4
 """So many poses are extrapolated from, fewer where the polynomial through them has more than this of one of them."""
 REASONS = {
     Status.SINGULAR: "its Jacobian is singular",
@@ -350,7 +350,7 @@ def extrapolation(t: Array) -> Array:
     if len(t) > BACK:
         weights[BACK:] = np.transpose(_polynomial(t[BACK:], [t[k : k - BACK] for k in range(BACK)]))
     for k in np.flatnonzero(np.abs(weights).max(axis=1) > STEEPEST).tolist():
-        count = BACK
+        count = min(k, BACK)
         while np.abs(weights[k]).max() > STEEPEST:
             count -= 1
             weights[k] = [*[0.0] * (BACK - count), *_polynomial(times[k], times[k - count : k])]
