@@ -402,9 +402,9 @@ def _end(a: Poses, b: Poses) -> float:
 
 def _ahead(a: Poses, b: Poses, end: float, t: float) -> Array:
     """Return coordinates (1, n) at t on the tangent of pose b; by a cubic in the root of what is left before an end."""
-    if end == math.inf or t >= end:
+    roots = [math.sqrt(max(end - float(at), 0.0)) for at in (a.t[0], b.t[0], t)]
+    if end == math.inf or not roots[0] > roots[1] > roots[2] > 0.0:  # of an end far beyond the step roots are equal
         return b.q + (t - float(b.t[0])) * b.qd
-    roots = [math.sqrt(end - float(at)) for at in (a.t[0], b.t[0], t)]
     return _hermite(roots[:2], (a.q, b.q), (-2.0 * roots[0] * a.qd, -2.0 * roots[1] * b.qd), roots[2])
 
 

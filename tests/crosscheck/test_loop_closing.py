@@ -158,6 +158,13 @@ def test_the_end_of_a_branch_is_approached_by_ever_smaller_parts_of_what_is_left
     assert toy.calls <= 150
 
 
+def test_of_an_end_far_beyond_a_short_step_the_tangent_is_taken() -> None:
+    """The roots of what is left at both times are the same number then."""
+    a, b = closed(circle(), 1.0, 0.0), closed(circle(), 1.0, 1e-17)
+
+    assert continuation._ahead(a, b, 1.0, 3e-17)[0] == pytest.approx([1.0, 2e-17], abs=1e-30)
+
+
 def test_beyond_a_fold_there_is_no_answer() -> None:
     result = run(circle(), [0.0, 1.0 + 1e-9, 1.5], 2)
 
