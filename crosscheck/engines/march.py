@@ -47,7 +47,7 @@ DIVISIONS, MOST_DIVIDED, PARTS, CLOSER = 4, 4, 32, 0.55
 """How often steps may be divided, how many together, into how many parts at most, each how much of the last."""
 ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
-STRIDE, ROUGH, MOST_ROUGH = 9, 3e-2, 6
+STRIDE, ROUGH, MOST_ROUGH = 12, 6e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
 FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
