@@ -27,6 +27,9 @@ CONTRACTION = 0.25
 STALLED = 0.9
 """A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
 pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
+HALF, LONGER = 0.05, 1.75
+"""How near 1/2 a correction's part of the one before tells of a fold, and how much longer it is made then: what is left
+becomes an eighth, on its side of the fold. So in a batch, once others are found: its poses are guesses (`march`)."""
 SQUARED = EPS / 8.0
 """What Newton's convergence leaves of an error that its next correction only would exchange for other rounding."""
 LEFT = 16.0
@@ -114,6 +117,8 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
             good = stalled if near is None else stalled & (largest(q - guess[active]) <= TRUST)
             if np.count_nonzero(good):
                 done.append((active[good], q[good], jacobian[good], largest(residual[good])))
+        if near is None and len(size) < count:
+            correction[(np.abs(size / previous - 0.5) < HALF) & ~closed] *= LONGER
         if previous[0] < np.inf:
             left = size * (size / previous) ** 2  # the error is squared
         q, previous = q - correction, size
