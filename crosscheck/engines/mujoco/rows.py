@@ -91,6 +91,7 @@ class MujocoRows:
         self._armature, self._bias = self.model.tendon_armature, self.data.qfrc_bias  # views
         self._owners = np.array(plan.owners, int)
         self._constants = np.array([s.constant for s in plan.sources if s.equality is None and s.guide is None])
+        self._held = len(plan.owners) + len(plan.guides) + len(self._constants)
         self._pick = self._places()
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
         self._entries = (self._pick[:, None] * self.model.nv + self.columns).ravel()
@@ -137,25 +138,23 @@ class MujocoRows:
         The poses need not be assembled.
         """
         m, d, count, n = self.model, self.data, len(self._owners), self.model.nv
-        residual, jacobian = np.empty((len(q), count)), np.empty((len(q), count * n))
+        residual, jacobian = np.empty((len(q), self._held)), np.zeros((len(q), self._held, n))
+        held, slopes = residual[:, :count], jacobian.reshape(len(q), -1)[:, : count * n]  # views
         points = _Points(self, places, len(q)) if places else None
-        guided, sensor = self._guided(len(q)), mujoco.mj_sensorPos
+        guided, sensor = self._guided(len(q))[:2], mujoco.mj_sensorPos
         reads = guided + points.reads[:4] if points else guided  # nothing moves
         for k in self._posed(q):
             if d.nefc == count:
-                residual[k], jacobian[k] = d.efc_pos, d.efc_J
+                held[k], slopes[k] = d.efc_pos, d.efc_J
             else:
-                residual[k], jacobian[k] = self._filled(self._spread(d.efc_pos)), self._spread(self._dense()).ravel()
+                held[k], slopes[k] = self._filled(self._spread(d.efc_pos)), self._spread(self._dense()).ravel()
             if guided:
                 sensor(m, d)
             for kept, view in reads:
                 kept[k] = view
-        if guided or self._constants.size:
-            gaps, slopes = self._guide_rows(guided, residual, jacobian.reshape(len(q), count, n))
-            still = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
-            residual = np.concatenate([residual, gaps, still[:, :, 0] + self._constants], axis=1)
-            jacobian = np.concatenate([jacobian, slopes, still[:, :, 1:].reshape(len(q), -1)], axis=1)
-        slopes = jacobian.take(self._entries, axis=1).reshape(len(q), len(self._pick), n)
+        if self._held > count:
+            self._guide_rows(guided, residual, jacobian)
+        slopes = jacobian.reshape(len(q), -1).take(self._entries, axis=1).reshape(len(q), len(self._pick), n)
         residual = residual.take(self._pick, axis=1)
         if points is None:
             return residual, slopes, np.empty((len(q), 0, 2)), np.empty((len(q), 0, 2, n))
@@ -167,18 +166,21 @@ class MujocoRows:
         reads = (d.sensordata, d.site_xmat, d.cvel) if self.plan.guides else ()
         return [(np.empty((count, *view.shape)), view) for view in reads]
 
-    def _guide_rows(self, guided: list[Read], gap: Array, slopes: Array) -> tuple[Array, Array]:
-        """Return the guides' residuals n . d (B, guides), from sensors, and their slopes (B, guides v).
+    def _guide_rows(self, guided: list[Read], residual: Array, jacobian: Array) -> None:
+        """Write the rows after those of the equalities: the guides' n . d, from sensors, and what is constant.
 
         The slopes are those of the product: of d, from the `connect` between the two points, and of n, which turns by
         the angles of the tree on the way to its body.
         """
-        if not guided:
-            return gap[:, :0], gap[:, :0]
-        d, n = gap[:, self._connects], self._normals(guided)
-        turning = n[..., 0] * d[..., 1] - n[..., 1] * d[..., 0]
-        rows = (n[..., None, :] @ slopes[:, self._connects])[..., 0, :] + turning[..., None] * self._turns
-        return guided[0][0][:, 1 : 6 * len(self._turns) : 6], rows.reshape(len(gap), -1)
+        row = len(self._owners)
+        for k, (guide, line) in enumerate(zip(self.plan.guides, self._lines, strict=True)):
+            x, y = guide.connect, guide.connect + 1
+            nx, ny = guided[1][0][:, line, 1, None], guided[1][0][:, line, 4, None]
+            turning = nx * residual[:, y, None] - ny * residual[:, x, None]
+            jacobian[:, row] = nx * jacobian[:, x] + ny * jacobian[:, y] + turning * self._turns[k]
+            residual[:, row] = guided[0][0][:, 6 * k + 1]
+            row += 1
+        residual[:, row:] = self._constants
 
     def _normals(self, guided: list[Read]) -> Array:
         """Return the guides' normals (B, guides, 2), the y axes of their sites."""
