@@ -181,11 +181,11 @@ class _Answer:
         ok = np.where(proved or redundant, False, self._closed(samples) & told)
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])
-        closed = self._closed(samples)
-        for k, isolated, closes in zip(samples, ok, closed, strict=True):
+        finite = np.isfinite(np.concatenate(self._called_for() or [self.q])).all(axis=0)
+        for k, isolated, closes in zip(samples.tolist(), ok.tolist(), self._closed(samples).tolist(), strict=True):
             if self.status[k] is Status.OK and not isolated:
                 self.status[k] = Status.SINGULAR if closes and self._has_digits(k) else Status.NOT_CONVERGED
-            if self.status[k] is Status.OK and not all(np.isfinite(level[:, k]).all() for level in self._called_for()):
+            if self.status[k] is Status.OK and not finite[k]:
                 self.status[k] = Status.NOT_CONVERGED
                 self.messages.append(f"rates at t = {self.t[k]:.17g} are not finite")
         for k in samples[1:]:  # no pose counts as one of the branch after one that is not

@@ -236,9 +236,9 @@ class Times:
         """Return per law its scaled value and derivatives up to `order` as `parts`, (order + 1, 3, B)."""
         if constraint.name not in self._values:
             with ctx.workprec(LAW_BITS):
-                inputs = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
-                laws = [[[parts(x) for x in at] for at in law] for law in zip(*inputs, strict=True)]
-            self._values[constraint.name] = [np.moveaxis(np.array(law), 0, -1) for law in laws]
+                laws = constraint.inputs(np.frompyfunc(arb, 1, 1)(self.t), unit, self.order)
+                each = [[np.array([parts(x) for x in rows]).T for rows in law] for law in laws]
+            self._values[constraint.name] = [np.array(law) for law in each]
         return self._values[constraint.name]
 
     def moves(self, constraint: Any, unit: Unit) -> Any:
@@ -360,8 +360,8 @@ def parts(x: Any) -> tuple[float, float, float]:
     high = float(x)
     if x == high:
         return high, 0.0, 0.0
-    low = float(x - high)
-    return high, low, _above(x - high - low)
+    low = float(left := x - high)
+    return high, low, _above(left - low)
 
 
 def _above(x: Any) -> float:

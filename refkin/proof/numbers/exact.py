@@ -17,6 +17,7 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 from flint import arb, ctx
 
 from refkin.motion_laws import Law, Polynomial, Table
@@ -101,6 +102,8 @@ class ExactSpline:
 
     def __call__(self, t: Any, order: int = 0) -> Any:
         """Return the derivative of the given order at t, or over it if t is a ball; NaN where there is no value."""
+        if isinstance(t, np.ndarray):
+            return np.frompyfunc(lambda x: self(x, order), 1, 1)(t)
         low, high = _ends(t)
         if not self._covers(low, high):
             return arb.nan()
@@ -118,6 +121,8 @@ class ExactSpline:
 
     def integral(self, t: Any) -> Any:
         """Return the integral from 0 to an exact t."""
+        if isinstance(t, np.ndarray):
+            return np.frompyfunc(self.integral, 1, 1)(t)
         return self._primitive(t) - self._primitive(arb(0))
 
     def _primitive(self, t: Any) -> Any:
