@@ -117,7 +117,7 @@ class Graph:
 
     def node(self, op: str, *args: Symbol, value: Any = None) -> Symbol:
         """Return the node of an operation, without folding."""
-        key = (op, value, *(a.index for a in args))
+        key = (op, value, args)
         symbol = self._nodes.get(key)
         if symbol is None:
             symbol = self._nodes[key] = Symbol(self, op, args, value, len(self._nodes))
