@@ -18,6 +18,7 @@ from refkin.analysis import SINGULAR
 from refkin.differences import EPS
 from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
 from refkin.proof.numbers.extrema import extrema_of
+from refkin.proof.path.curve import are_poses
 from refkin.solving.passages import OFTEN
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, NEAR, SHORT, before, neville
 from refkin.solving.sweep import ALONE, Sweep
@@ -56,7 +57,7 @@ class Leaps:
     def over(self, done: int) -> list[Any]:
         """Take the sweep on from the last of the times that are done; return the poses (n,) at the next ones."""
         poses, sweep, rest = None if self.ahead is None else self.ahead.follow(), self.sweep, self.times[done:]
-        alone = sweep.singular or sweep.winds or sweep.system.m > sweep.system.n
+        alone = sweep.singular or sweep.winds
         if poses is None and self.left and len(rest) >= FEW and not alone:
             targets = _targets(sweep, rest)
             if targets[0].size:  # none where laws turn back often before the next time
@@ -71,13 +72,14 @@ class Ahead:
     Parameters
     ----------
     sweep : Sweep
-        Its equations are as many as its coordinates.
+        At a regular pose. Of redundant rows those tell its branch that are independent there.
     asked, between : (A,), (B,) array
         Times asked for, in order, and extrema of the laws between them: steps of their own, as in a sweep.
     """
 
     def __init__(self, sweep: Sweep, asked: Any, between: Any) -> None:
         self.sweep, self.system = sweep, sweep.full
+        self.blocks, self.signs = sweep.sides()
         with np.errstate(all="ignore"):  # guesses may lie anywhere
             here, t = sweep.t[-1], _merged(asked, between)
             knots = self._rough(t)
@@ -165,14 +167,15 @@ class Ahead:
         slopes = self.system.phi_q(q.reshape(len(q), -1), t.ravel())
         pushed = _pushed(self.system, q.reshape(len(q), -1), t.ravel(), t[::-1].ravel())
         rates = _solve(slopes, pushed).reshape(q.shape)
-        same, _ = self.sweep.sides_of(slopes)
+        same, _ = self._sides(slopes)
         fastest = np.max(np.abs(rates), axis=(0, 1), initial=0.0)
         near = _largest(q[:, 1] - q[:, 0]) <= 2.0 * (t[1] - t[0]) * fastest + SAME
         count = int(np.argmin(np.append(near & same.reshape(2, -1).all(axis=0), False)))
         if not count:  # another branch: what follows is of no use
             return False
         regular = np.moveaxis(slopes.reshape(*slopes.shape[:2], *t.shape)[..., :count], (2, 3), (0, 1))
-        sizes = np.linalg.norm(np.linalg.inv(regular), axis=(2, 3))
+        inverse = np.linalg.pinv if self.system.m > self.system.n else np.linalg.inv
+        sizes = np.linalg.norm(inverse(regular), axis=(2, 3))
         worst = sizes[1] / (sizes[0] + sizes[1])
         return self._insert(*_parts(t[:, :count], q[..., :count], rates[..., :count], worst))
 
@@ -204,11 +207,11 @@ class Ahead:
         sure = contracted | ((first < TINY) & (left <= SAME))
         sure &= np.where(unled, move <= FIRST, led | (off <= TINY)) & (_largest(moved[s.angles]) <= FURTHEST)
         jacobian = s.phi_q(q, t)
-        same, determinant = sweep.sides_of(jacobian)
+        same, determinant = self._sides(jacobian)
         decided, k = contracted & (unled | led), np.searchsorted(self.stops, t)
         clear = decided & (determinant > np.log(CLEAR)) & ~self.turning[ends]
         clear &= t - self.t[steps] >= SHORT * (self.stops[k] - self.stops[k - 1])
-        sure &= same & (sweep.driven(self.t[steps], t) <= FURTHEST)
+        sure &= same & (sweep.driven(self.t[steps], t) <= FURTHEST) & are_poses(s.phi(q, t), q)
         undecided = np.flatnonzero(sure & ~clear)
         if undecided.size:
             sigma = np.linalg.svd(np.moveaxis(jacobian[..., undecided], -1, 0), compute_uv=False)[:, -1]
@@ -217,6 +220,11 @@ class Ahead:
             sure[undecided] = (sigma > least) & (decided[undecided] | near)
         sure &= (steps > 0) | (t - self.t[steps] <= sweep.step)  # a sweep may be to set out with a short step
         self.sure[steps] = sure
+
+    def _sides(self, phi_q: Any) -> tuple[Any, Any]:
+        """Return where all determinants have the signs of the sweep's last pose, and the smallest's logarithm, (B,)."""
+        signs, smallest = self.blocks.of_batch(phi_q)
+        return (signs == self.signs).all(axis=1), smallest
 
     def _predicted(self, ends: Any) -> tuple[Any, Any]:
         """Return what the poses before each of some predict for it (n, B), and where that is one pose alone, (B,)."""
@@ -298,13 +306,14 @@ def _parts(t: Any, q: Any, rates: Any, worst: Any) -> tuple[Any, Any]:
 
 
 def _solve(matrix: Any, right: Any) -> Any:
-    """Return x of a system (n, n), (n,), or of a batch (n, n, B), (n, B); NaN where a matrix is singular."""
+    """Return x of a system (m, n), (m,), or of a batch (m, n, B), (m, B); NaN where a matrix is singular."""
     try:
         return solve_linear(matrix, right)
     except np.linalg.LinAlgError:  # one of them spoils the batch
-        x = np.full_like(right, np.nan)
+        x, square = np.full(matrix.shape[1:], np.nan), matrix.shape[0] == matrix.shape[1]
         if matrix.ndim > 2:
-            regular = np.linalg.slogdet(matrix.transpose(2, 0, 1))[0] != 0.0
+            stacked = matrix.transpose(2, 0, 1)
+            regular = np.linalg.slogdet(stacked)[0] != 0.0 if square else np.isfinite(stacked).all(axis=(1, 2))
             x[:, regular] = solve_linear(matrix[..., regular], right[:, regular])
         return x
 

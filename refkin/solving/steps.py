@@ -158,23 +158,23 @@ class Steps:
 
     def _sides(self, q: Any, t: float) -> tuple[bool, float]:
         """Whether the determinants of the blocks of phi_q have the signs of the last pose; the smallest's logarithm."""
-        s, last = self.system, (self.q[-1], self.t[-1])
-        parts, known = self._blocks, self._signs
-        if parts is None:
-            parts = blocks(s, *last)
-            known = parts.determinants(s.phi_q(*last))[0]
-        if s.m == s.n:  # of redundant rows others may be independent at the next pose
-            self._blocks, self._signs = parts, known
-        signs, smallest = parts.determinants(s.phi_q(q, t))
+        parts, known = self.sides()
+        signs, smallest = parts.determinants(self.system.phi_q(q, t))
         return signs == known, smallest
 
-    def sides_of(self, phi_q: Any) -> tuple[Any, Any]:
-        """Return what `_sides` does of a batch of phi_q (n, n, B), (B,) each; of equations as many as coordinates."""
-        if self._blocks is None:
-            self._sides(self.q[-1], self.t[-1])
-        assert self._blocks is not None
-        signs, smallest = self._blocks.of_batch(phi_q)
-        return (signs == self._signs).all(axis=1), smallest
+    def sides(self) -> tuple[Blocks, list[float]]:
+        """Return the blocks of phi_q, and the signs of their determinants at the last pose.
+
+        Of redundant rows those are taken that are independent there; others may be at a later pose.
+        """
+        if self._blocks is not None:
+            return self._blocks, self._signs
+        s, last = self.system, (self.q[-1], self.t[-1])
+        parts = blocks(s, *last)
+        known = parts.determinants(s.phi_q(*last))[0]
+        if s.m == s.n:
+            self._blocks, self._signs = parts, known
+        return parts, known
 
     def _at_singular_pose(self, t: float) -> bool | None:
         """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.

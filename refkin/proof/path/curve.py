@@ -43,7 +43,12 @@ MISSING = 1e-9
 
 def is_pose(result: NewtonResult) -> bool:
     """Whether Newton's method did not end at a minimum, where redundant rows contradict each other."""
-    return bool(result.residual <= MISSING * max(1.0, float(np.max(np.abs(result.q)))))
+    return bool(are_poses(result.residuals[-1], result.q))
+
+
+def are_poses(phi: Any, q: Any) -> Any:
+    """Return the same of phi (m,) or (m, B) at the end of Newton's method, q (n,) or (n, B)."""
+    return np.max(np.abs(phi), axis=0) <= MISSING * np.maximum(1.0, np.max(np.abs(q), axis=0))
 
 
 @dataclass(frozen=True)
