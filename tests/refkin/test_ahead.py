@@ -27,6 +27,12 @@ def turning(scale, start=0.3):
     return Polynomial(coefficients=(start, scale))
 
 
+def twice(scene):
+    """A scene with its first joint twice."""
+    m = scene.mechanism
+    return replace(scene, mechanism=replace(m, joints=(*m.joints, replace(m.joints[0], name="again"))))
+
+
 SCENES = {
     "a whole turn": ROCKER.scene(law=turning(2 * math.pi), times=TIMES),
     "a law that turns back": ROCKER.scene(law=Sinusoid(amplitude=1.0, angular_frequency=9.0, offset=1.0), times=TIMES),
@@ -37,6 +43,7 @@ SCENES = {
     "up to a limit": FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=3.0).scene(
         law=turning(LIMIT - 0.3 - 1e-7), times=TIMES
     ),
+    "a joint that is there twice": twice(ROCKER.scene(law=turning(2 * math.pi), times=TIMES)),
     "past a limit": replace(
         FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=3.0).scene(law=turning(2.0), times=TIMES[:9]), times=TIMES
     ),
@@ -62,7 +69,9 @@ def test_the_poses_found_at_once_are_those_found_step_by_step(monkeypatch, name)
         assert (np.abs(level - other)[:, ok] <= 8.0 * (radii + theirs)[ok] + scale).all()
 
 
-@pytest.mark.parametrize("name", ["a whole turn", "a law that turns back", "up to a limit"])
+@pytest.mark.parametrize(
+    "name", ["a whole turn", "a law that turns back", "up to a limit", "a joint that is there twice"]
+)
 def test_almost_no_step_is_left_to_the_sweep_alone(monkeypatch, name):
     steps = []
     walk = refkin.solving.solve.Sweep.to
@@ -92,6 +101,19 @@ def test_a_pose_of_the_other_branch_is_taken_by_no_step(monkeypatch, place):
     assert set(answer.status) == {Status.OK}
     assert np.abs(answer.q - right.q).max() < 1e-12
     assert np.abs(answer.q - wrong.q).max() > 0.1
+
+
+def test_no_step_leads_to_poses_that_do_not_close_redundant_rows():
+    """A pin that is there twice, the second time slightly apart: least squares converge, to no pose."""
+    scene = SCENES["a joint that is there twice"]
+    *joints, again = scene.mechanism.joints
+    apart = replace(again, point_i=(again.point_i[0] + 1e-6, again.point_i[1]))
+    starts = refkin.solve(scene).q
+    system = compile_system(replace(scene.mechanism, joints=(*joints, apart)), unit=scene.mechanism.unit())
+    ahead = Ahead(Sweep(system, [TIMES[0]], [system.to_unit(starts)[:, 0]]), np.array(TIMES[1:]), np.zeros(0))
+
+    assert np.isfinite(ahead.q).all()
+    assert not ahead.sure.any()
 
 
 def test_what_is_lost_with_poses_ahead_is_found_without_them(monkeypatch):
