@@ -212,16 +212,18 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     proof = isolate(system, *answers)
     monkeypatch.setattr(choices, "MOST_CHOICES", 2)
 
-    without = choices._over_all_choices(system, proof, *answers[:3], None)
-    whole = choices._over_all_choices(system, proof, *answers)
+    groups = [(np.arange(len(TIMES)), proof.rows)]
+
+    without = choices._over_all_choices(system, proof, groups, (*answers[:3], None))
+    whole = choices._over_all_choices(system, proof, groups, answers)
     assert np.array_equal(without.velocity, whole.velocity)
     assert "the bounds cover those whose inverse" in whole.why
     monkeypatch.setattr(choices, "unique_within", lambda *_: np.array([np.inf, 0.0, np.inf]))
-    assert "no error bound covers all of them" in choices._over_all_choices(system, proof, *answers).why
+    assert "no error bound covers all of them" in choices._over_all_choices(system, proof, groups, answers).why
 
     def far(unique):
         monkeypatch.setattr(choices, "unique_within", lambda *_: unique)
-        bounds = choices._over_all_choices(system, proof, *answers)
+        bounds = choices._over_all_choices(system, proof, groups, answers)
         own = proof.position, proof.velocity, proof.acceleration
         return [
             bound - x for bound, x in zip((bounds.position, bounds.velocity, bounds.acceleration), own, strict=True)
@@ -231,6 +233,25 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     assert np.min(first) > 0.0
     for share, factor in ((0.01, 1.08), (0.015, 1.12), (0.016, np.nan)):
         np.testing.assert_allclose(far(first[0] / share), factor * np.array(first), rtol=1e-2)
+
+
+def test_what_is_proved_of_a_pose_is_the_same_beside_poses_that_are_proved_by_other_rows():
+    """Each pose by its own rows, all at once, and by how much the rows that are left out contradict them."""
+    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    motion, (*joints, again) = solve(scene), scene.mechanism.joints
+    aside = replace(again, point_j=(again.point_j[0] + 1e-9, again.point_j[1] + 1e-9))
+    system = compile_system(replace(scene.mechanism, joints=(*joints, aside)), unit=scene.mechanism.unit())
+    answers = [system.to_unit(level, k) for k, level in enumerate(motion.levels)]
+    own = [np.delete(np.arange(system.m), out) for out in ([0, 1], [8, 9], [0, 9])]
+    together = isolate(system, answers[0], np.array(TIMES), *answers[1:], rows=np.stack(own, axis=1))
+
+    for k, rows in enumerate(own):
+        alone = isolate(system, answers[0], np.array(TIMES), *answers[1:], rows=rows)
+        assert together.ok[k]
+        for name in ("position", "velocity", "acceleration", "contradiction"):
+            one, other = (getattr(proof, name)[..., k] for proof in (together, alone))
+            np.testing.assert_allclose(one, other, rtol=1e-2, err_msg=name)  # terms of sums are counted of all
+    assert (together.contradiction > 1.0).all()
 
 
 def test_the_radius_of_a_velocity_is_the_same_whether_accelerations_are_asked_for_or_not():

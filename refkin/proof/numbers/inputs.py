@@ -9,7 +9,7 @@ import numpy as np
 from refkin.analysis import SINGULAR
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, product, read
-from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, left_out, of_rows, read_rows
 from refkin.system import System
 
 HALF_ULP = InputError(U)
@@ -101,24 +101,23 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
 
     Parameters
     ----------
-    rows : (n,) array of int
+    rows : (n,) or (n, B) array of int
         The rows that were solved.
     root : Nearly
         Their root, (n, B), as narrowly as it is known.
     t : (B,) array
         Times [s].
     """
-    others = np.delete(np.arange(system.m), rows)
-    batch = np.shape(root.given)[1]
+    others, batch = left_out(rows, system.m), np.shape(root.given)[1]
     if not others.size:
         return np.zeros(batch)
     with np.errstate(all="ignore"):
         pose = Preconditioned(system, rows, root.given, t, 0)
-        phi = read(pose.sharp.phi(root.box(), pose.times)[others], batch)
-        slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], batch)
+        phi = read_rows(pose.sharp.phi(root.box(), pose.times), others, batch)
+        slope = read_rows(pose.system.phi_q(box(pose.q), pose.times), others, batch)
         inputs = input_effect(system, pose.q, t, A_FEW_ROUNDINGS)
-        moved = product(np.abs(slope.mid), product(pose.size, inputs[rows]))
-        return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + inputs[others] + moved)), axis=0)
+        moved = product(np.abs(slope.mid), product(pose.size, of_rows(inputs, rows))) + of_rows(inputs, others)
+        return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + moved)), axis=0)
 
 
 def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: bool) -> Any:
@@ -130,7 +129,7 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
 
     Parameters
     ----------
-    rows : (n,) array of int
+    rows : (n,) or (n, B) array of int
         The rows that were solved.
     q : (n, B) array
         Poses, in the system's coordinates.
@@ -139,25 +138,25 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     acceleration : bool
         Whether accelerations are asked for; if not, their part is 0.
     """
-    others, batch = np.delete(np.arange(system.m), rows), np.shape(q)[1]
+    others, batch = left_out(rows, system.m), np.shape(q)[1]
     excess = np.zeros((2, batch))
     if not others.size:
         return excess
     with np.errstate(all="ignore"):
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
         rough = bounded_system(system.held_at(q), error=A_FEW_ROUNDINGS)
-        near = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
+        near = product(pose.size, of_rows(input_effect(system, q, t, A_FEW_ROUNDINGS), rows)) + half_ulp(system, q)
         slope = read(rough.phi_q(box(q, near), times), batch)
         at, rate, radii = box(q, near), np.zeros_like(q), np.zeros_like(q)
         for order in range(2 if acceleration else 1):
             right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), batch)
-            rate = product(pose.inverse, right.mid[rows])
+            rate = product(pose.inverse, of_rows(right.mid, rows))
             size = product(np.abs(slope.mid), np.abs(rate)) + np.abs(right.mid)
             spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding
             spread += system.n * pose.dot * size  # of the inverse and of the products here
             off = np.abs(product(slope.mid, rate) - right.mid)
             # Bodies at rest have rates that are nothing but what the inverse left: the solved rows say how much.
-            radii = product(pose.size, spread[rows] + off[rows])
+            radii = product(pose.size, of_rows(spread + off, rows))
             ratio = off / (UP * (spread + product(np.abs(slope.mid), radii)))
-            excess[order] = np.max(ratio[others], axis=0)
+            excess[order] = np.max(of_rows(ratio, others), axis=0)
     return excess

@@ -34,20 +34,20 @@ class Nearly:
 class Preconditioned:
     """Poses q (n, B) at times t, with R about the inverse of n rows of phi_q(q); all bounds are rounded up.
 
-    What is passive is held as it is at each pose.
+    The rows are the same at all poses, (n,), or at each its own, (n, B). What is passive is held as it is at each pose.
     """
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
         system = system.held_at(q)
         self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
         self.times, self.rows, self.q = Times(t, order), rows, q
-        self.inverse = np.moveaxis(inverses(np.moveaxis(system.phi_q(q, self.times.t)[rows], -1, 0)), 0, -1)
+        self.inverse = np.moveaxis(inverses(np.moveaxis(of_rows(system.phi_q(q, self.times.t), rows), -1, 0)), 0, -1)
         self.size = np.abs(self.inverse)
         self.dot = (len(q) + 2) * U  # > n U/(1 - n U): the error of an inner product
 
     def rows_of(self, numbers: Any, wide: Any = float) -> Bounds:
         """Return the certified rows of what a system's method gave; the middles as `read` does."""
-        return read(numbers[self.rows], self.q.shape[1], wide)
+        return read_rows(numbers, self.rows, self.q.shape[1], wide)
 
     def slope_over(self, radii: Any) -> Bounds:
         """Return phi_q over a box around q."""
@@ -67,6 +67,30 @@ class Preconditioned:
     def spread_on(self, spread: Any, v: Any) -> Any:
         """Return |R| spread v for v >= 0."""
         return UP * product(self.size, product(spread, v)) + TINY
+
+
+def of_rows(values: Any, rows: Any) -> Any:
+    """Return rows of values (m, ..., B): the same of all samples, (n,), or of each its own, (n, B)."""
+    if rows.ndim == 1:
+        return values[rows]
+    return np.take_along_axis(values, rows.reshape(len(rows), *(1,) * (values.ndim - 2), -1), axis=0)
+
+
+def read_rows(numbers: Any, rows: Any, batch: int, wide: Any = float) -> Bounds:
+    """Return what `read` does of such rows of an object array (m, ...)."""
+    if rows.ndim == 1:
+        return read(numbers[rows], batch, wide)
+    every = read(numbers, batch, wide)
+    return Bounds(*(of_rows(part, rows) for part in (every.mid, every.rounding, every.spread)))
+
+
+def left_out(rows: Any, m: int) -> Any:
+    """Return the others of m rows, (m - n,) or (m - n, B)."""
+    if rows.ndim == 1:
+        return np.delete(np.arange(m), rows)
+    taken = np.zeros((m, rows.shape[1]), bool)
+    np.put_along_axis(taken, rows, True, axis=0)
+    return np.argsort(taken, axis=0, kind="stable")[: m - len(rows)]
 
 
 def independent_rows(system: System, q: Any, t: Any) -> Any:

@@ -56,7 +56,7 @@ class Certificate:
         Bounds of |q - q*| per coordinate.
     velocity, acceleration : (n, B) array or None
         Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
-    rows : (n,) array of int
+    rows : (n,) or (n, B) array of int
         The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
     root : Nearly
         The solution itself: one Newton step from q, and how near it lies.
@@ -84,8 +84,9 @@ def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, row
         Compiled in its mechanism's own unit, so that no bound depends on the unit of length.
     q, qd, qdd : (n, B) array
         Answers of any origin in the system's coordinates; qdd only with qd.
-    rows : (n,) array of int, optional
-        The rows to certify where there are more than n; by default a maximal independent set at the first pose.
+    rows : (n,) or (n, B) array of int, optional
+        The rows to certify where there are more than n, of all poses or of each; by default a maximal independent set
+        at the first pose.
     """
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     rows = independent_rows(system, q, t) if rows is None else np.asarray(rows)
@@ -95,7 +96,7 @@ def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, row
         at = np.s_[start : start + step]
         rates = [None if x is None else np.asarray(x, float)[:, at] for x in (qd, qdd)]
         with np.errstate(all="ignore"):  # a pose that leaves the numbers' range has no proof, which NaN says
-            parts.append(_certify(system, rows, q[:, at], t[at], *rates))
+            parts.append(_certify(system, rows if rows.ndim == 1 else rows[:, at], q[:, at], t[at], *rates))
     return _one_after_another(parts)
 
 
@@ -174,4 +175,5 @@ def _one_after_another(parts: list[Certificate]) -> Certificate:
     columns = zip(*((p.ok, p.radii, p.velocity, p.acceleration) for p in parts), strict=True)
     every = (None if column[0] is None else np.concatenate(column, axis=-1) for column in columns)
     ok, radii, velocity, acceleration = every
-    return Certificate(ok, radii, velocity, acceleration, parts[0].rows, root)
+    rows = parts[0].rows if parts[0].rows.ndim == 1 else np.concatenate([p.rows for p in parts], axis=1)
+    return Certificate(ok, radii, velocity, acceleration, rows, root)

@@ -28,7 +28,7 @@ import numpy as np
 
 from refkin.joints import SPACE
 from refkin.proof.numbers.bounded import Extended, Times, bounded_system, box, off_by, product, read
-from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses
+from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses, left_out
 from refkin.proof.pose.certificate import certify, unique_within
 from refkin.proof.pose.isolate import Isolation, isolate
 from refkin.proof.pose.krawczyk import krawczyk
@@ -54,7 +54,13 @@ NEAR = 2.0**-10
 """Distance up to which the pose of another choice is one of the same assembly [sizes, rad]."""
 
 
-def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any, qdd: Any) -> Isolation:
+Answers = tuple[Any, ...]
+"""q (n, B), t (B,), qd and qdd, or None."""
+Groups = list[tuple[Any, Any]]
+"""Poses (their numbers), and the rows that serve there."""
+
+
+def _over_all_choices(system: System, proof: Isolation, groups: Groups, answers: Answers) -> Isolation:
     """Return an isolation with bounds that hold for every choice of n rows that isolates a pose near the answer.
 
     With `why` where there are too many choices to certify: its bounds hold for those that serve as well as the rows of
@@ -62,40 +68,55 @@ def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any,
     """
     if system.m == system.n or not proof.ok.any():
         return proof
-    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
-    most = MOST_OF_SPACE if system.kind is SPACE else MOST_CHOICES
-    choices = _other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
-    if choices is not None:
-        for rows in choices:
-            every = _bounds(system, rows, proof.ok, q, t, qd, qdd)
+    most, why = MOST_OF_SPACE if system.kind is SPACE else MOST_CHOICES, ""
+    too_many = [np.zeros(0, int)]
+    for samples, rows in groups:
+        asked = samples[proof.ok[samples]]
+        q, t, *_ = _at(asked, answers)
+        choices = _other_choices(system, rows, q, t, most) if asked.size else []
+        if choices is None:
+            too_many.append(asked)
+            continue
+        for other in choices:
+            every = np.array(_bounds(system, other, proof.ok[samples], *_at(samples, answers)))
             for k in np.flatnonzero(np.isnan(every[0])):
-                chosen = _factors(system, proof.rows, rows, q[:, [k]], t[[k]])[0]
+                chosen = _factors(system, rows, other, *_at(samples[[k]], answers)[:2])[0]
                 if abs(np.linalg.det(chosen)) <= DEPENDENT:  # no choice at this pose
-                    for of_choice in every:
-                        of_choice[k] = 0.0
+                    every[:, k] = 0.0
             for bound, of_choice in zip(bounds, every, strict=True):
-                np.maximum(bound, of_choice, out=bound)
-        lost = np.isnan(bounds[0][proof.ok]).any()
-        why = "some choice of redundant rows is nearly singular: no error bound covers it" if lost else ""
-        return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
-    asked = np.flatnonzero(proof.ok)
+                bound[samples] = np.maximum(bound[samples], of_choice)
+        if np.isnan(bounds[0][asked]).any():
+            why = why or "some choice of redundant rows is nearly singular: no error bound covers it"
+    asked = np.sort(np.concatenate(too_many))
     for first in range(0, len(asked), AT_A_TIME):
         at = asked[first : first + AT_A_TIME]
-        rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
-        moves = _Moves(system, proof.rows, q[:, at], t[at], rates)
-        away = moves.at_most() if math.comb(system.m, system.n) > MOST_COMBINATIONS else moves.farthest()
-        with np.errstate(all="ignore"):
-            share = away[0] / unique_within(system, proof.rows, q[:, at], t[at], proof.position[at])
-            factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
-        for bound, far in zip(bounds, away, strict=False):
-            bound[at] += far * factor
-    why = f"redundant rows can be chosen in more than {most} ways"
-    if np.isnan(bounds[0][asked]).any():
-        why = f"{why}: no error bound covers all of them"
-    else:
-        why = f"{why}: the bounds cover those whose inverse is at most {WORSE:g} times that of all rows"
+        for bound, further in zip(bounds, _further(system, proof, at, answers), strict=False):
+            bound[at] += further
+    if asked.size:
+        why = f"redundant rows can be chosen in more than {most} ways"
+        if np.isnan(bounds[0][asked]).any():
+            why = f"{why}: no error bound covers all of them"
+        else:
+            why = f"{why}: the bounds cover those whose inverse is at most {WORSE:g} times that of all rows"
     return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
+
+
+def _further(system: System, proof: Isolation, at: Any, answers: Answers) -> list[Any]:
+    """Return what choices that serve as well add to the bounds at some poses, (B,) for each level."""
+    q, t, *rates = _at(at, answers)
+    rows = proof.rows if proof.rows.ndim == 1 else proof.rows[:, at]
+    moves = _Moves(system, rows, q, t, [x for x in rates if x is not None])
+    away = moves.at_most() if math.comb(system.m, system.n) > MOST_COMBINATIONS else moves.farthest()
+    with np.errstate(all="ignore"):
+        share = away[0] / unique_within(system, rows, q, t, proof.position[at])
+        factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
+    return [far * factor for far in away]
+
+
+def _at(samples: Any, answers: Answers) -> Answers:
+    """Return answers at some poses."""
+    return tuple(None if x is None else x[..., samples] for x in answers)
 
 
 def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
@@ -107,19 +128,14 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
         As for `isolate`.
     """
     t = np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    parts = []
-    for samples, rows in groups_of_rows(system, np.asarray(q, float), t):
-        levels = [None if x is None else np.asarray(x, float)[:, samples] for x in (q, qd, qdd)]
-        answers = (levels[0], t[samples], *levels[1:])
-        parts.append((samples, _over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
-    if len(parts) == 1:
-        return parts[0][1]
-    order = np.argsort(np.concatenate([samples for samples, _ in parts]))
-    names = ("ok", "bits", "position", "velocity", "acceleration", "contradiction")
-    joined = {name: np.concatenate([getattr(p, name) for _, p in parts], axis=-1)[..., order] for name in names}
-    balls = {int(samples[k]): ball for samples, part in parts for k, ball in part.enclosures.items()}
-    why = next((part.why for _, part in parts if part.why), "")
-    return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
+    answers = tuple(None if x is None else np.asarray(x, float) for x in (q, t, qd, qdd))
+    groups = list(groups_of_rows(system, answers[0], t))
+    rows = groups[0][1]
+    if len(groups) > 1:
+        rows = np.empty((system.n, len(t)), int)
+        for samples, own in groups:
+            rows[:, samples] = own[:, None]
+    return _over_all_choices(system, isolate(system, *answers, rows=rows), groups, answers)
 
 
 def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
@@ -149,7 +165,7 @@ def _factors(system: System, rows: Any, others: Any, q: Any, t: Any) -> Any:
     return slope[:, others] @ inverses(slope[:, rows])
 
 
-def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd: Any) -> list[Any]:
+def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> list[Any]:
     """Return the error bounds (3, B) of one choice of rows: 0 where its pose is another one, NaN without a proof."""
     proof = certify(system, q, t, qd, qdd, rows=rows)
     bounds = [np.zeros(len(t)) for _ in range(3)]
@@ -168,16 +184,20 @@ def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd:
 class _Moves:
     """How far choices of rows lead from the first one, at poses (B of them) and to first order.
 
-    `slope` (B, m, n) and `inverse` (B, n, n) are phi_q and R, `factors` (B, d, n) is F. Per level `moved` (B, n, L) is
-    what moves the answer, `missed` (B, d, L) what that leaves of the d rows left out: for a pose along each column of
-    R, and, last of the L, for what the answer itself misses. `turned`: accelerations, for velocities along R.
+    The first may be others at each pose: `rows` (B, n). `slope` (B, m, n) and `inverse` (B, n, n) are phi_q and R,
+    `factors` (B, d, n) is F. Per level `moved` (B, n, L) is what moves the answer, `missed` (B, d, L) what that leaves
+    of the d rows left out: for a pose along each column of R, and, last of the L, for what the answer itself misses.
+    `turned`: accelerations, for velocities along R.
     """
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, rates: list[Any]) -> None:
-        self.system, self.rows, self.others = system, rows, np.delete(np.arange(system.m), rows)
+        self.every = np.arange(len(t))[:, None]
+        self.rows, self.others = (
+            np.broadcast_to(some.T, (len(t), len(some))) for some in (rows, left_out(rows, system.m))
+        )
         self.slope = np.moveaxis(system.held_at(q).phi_q(q, t), -1, 0)
-        self.inverse = inverses(self.slope[:, rows])
-        self.factors = self.slope[:, self.others] @ self.inverse
+        self.inverse = inverses(self.slope[self.every, self.rows])
+        self.factors = self.slope[self.every, self.others] @ self.inverse
         missing = _missing(system, q, t, rates)
         own, left = self.solved(-missing[0][:, :, None])
         along = np.append(self.inverse, own, axis=2)
@@ -195,8 +215,8 @@ class _Moves:
 
     def solved(self, w: Any) -> tuple[Any, Any]:
         """Return what solves the first rows for right sides (B, m, L), and what that leaves of the others."""
-        y = self.inverse @ w[:, self.rows]
-        return y, w[:, self.others] - self.slope[:, self.others] @ y
+        y = self.inverse @ w[self.every, self.rows]
+        return y, w[self.every, self.others] - self.slope[self.every, self.others] @ y
 
     def at_most(self) -> list[Any]:
         """Return a bound of the distance of every choice that serves as well, by norms, (B,) for each level.
@@ -204,12 +224,12 @@ class _Moves:
         What another choice adds to a level is its inverse times what its rows miss there: of the rows left out what the
         answer misses, and of all rows what the levels below are moved by.
         """
-        inward = self.slope[:, self.rows]
+        inward, n = self.slope[self.every, self.rows], self.rows.shape[1]
 
         def effect(moved: Any, missed: Any) -> Any:
             right = self.slope @ moved
-            right[:, self.others] += missed
-            return right[:, :, : len(self.rows)] @ inward
+            right[self.every, self.others] += missed
+            return right[:, :, :n] @ inward
 
         missed = [np.linalg.norm(level[:, :, -1], axis=1) for level in self.missed]
         far, norm = [self.limit * missed[0]], partial(np.linalg.norm, ord=2, axis=(1, 2))
@@ -218,7 +238,7 @@ class _Moves:
             far.append(self.limit * (missed[1] + norm(slopes[0]) * far[0]))
         if len(missed) > 2:
             turning = effect(self.turned, self.missed_turning)
-            along = slopes[1] - turning @ self.moved[1][:, :, : len(self.rows)] @ inward
+            along = slopes[1] - turning @ self.moved[1][:, :, :n] @ inward
             far.append(self.limit * (missed[2] + norm(along) * far[0] + norm(turning) * far[1]))
         return far
 

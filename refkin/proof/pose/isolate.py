@@ -37,7 +37,7 @@ class Isolation:
         Where rows are redundant, the largest |phi| of a row that was not needed, and what such a row misses of velocity
         and of acceleration, in units of what a few roundings of the mechanism's numbers explain: at most 1 is
         consistent. 0 without redundant rows, and for rates that were not given.
-    rows : (n,) array of int
+    rows : (n,) or (n, B) array of int
         The rows that were certified in float64.
     enclosures : dict
         By sample: the roots that balls enclose, where float64 proved little. They are better than the answers.
@@ -68,8 +68,9 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         Compiled in its mechanism's own unit.
     q, qd, qdd : (n, B) array
         Answers in the system's coordinates; qdd only with qd.
-    rows : (n,) array of int, optional
-        The rows to certify where there are more than n; by default a maximal independent set at the first pose.
+    rows : (n,) or (n, B) array of int, optional
+        The rows to certify where there are more than n, of all poses or of each; by default a maximal independent set
+        at the first pose.
     """
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     proof = certify(system, q, t, qd, qdd, rows)
