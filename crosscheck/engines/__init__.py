@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import PackageNotFoundError, distribution, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
@@ -38,6 +39,8 @@ from refkin.motion import Motion, Route, Seeding, __version__
 
 API = (1, 0)
 Array = NDArray[np.float64]
+GROUP = "crosscheck.engines"
+"""The group of entry points that engines are registered in."""
 
 
 class Level(StrEnum):
@@ -353,7 +356,23 @@ def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
 
 def available() -> dict[str, Any]:
     """Return name -> entry point of every engine that is registered, whether or not its package is installed."""
-    return {point.name: point for point in entry_points(group="crosscheck.engines")}
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def _registered(name: str) -> Any:
+    """Return the entry point of a registered engine; EngineError if there is none.
+
+    Ours are looked for first, in our own package: to look through all that are installed takes 7 ms.
+    """
+    with suppress(PackageNotFoundError):
+        for point in distribution("refkin").entry_points.select(group=GROUP, name=name):
+            return point
+    points = available()
+    if name not in points:
+        known = f"there are: {', '.join(sorted(points))}"
+        way = f"{name}: name the class in it, too, as in {name}:Mine"
+        raise EngineError(way if name.endswith(".py") else f"no engine is called {quoted(name)}; {known}")
+    return points[name]
 
 
 def load(spec: str) -> Engine:
@@ -380,7 +399,7 @@ def load(spec: str) -> Engine:
         raise EngineError(f"engine {spec!r}: its capability table has {strange[0]!r}, not one of {', '.join(ELEMENTS)}")
     if engine.name != spec and ":" not in spec:
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}")
-    if engine.name in available() and ":" in spec:
+    if ":" in spec and engine.name in available():
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}, as a registered one does")
     return engine
 
@@ -419,15 +438,7 @@ def _class_of(spec: str) -> Any:
     where, _, name = spec.rpartition(":")
     try:
         if not where:
-            points = available()
-            if spec not in points:
-                known = f"there are: {', '.join(sorted(points))}"
-                raise EngineError(
-                    f"{spec}: name the class in it, too, as in {spec}:Mine"
-                    if spec.endswith(".py")
-                    else f"no engine is called {quoted(spec)}; {known}"
-                )
-            return points[spec].load()
+            return _registered(spec).load()
         module = _module_of_file(where) if where.endswith(".py") else import_module(where)
     except ImportError as error:
         hint = "; pip install 'refkin[engines]' brings it" if spec in PEERS else ""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
-from crosscheck.engines import PEERS, EngineRefusal
+from crosscheck import engines
+from crosscheck.engines import GROUP, PEERS, EngineError, EngineRefusal
 from crosscheck.engines.methods import PRICED, Method, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
@@ -35,6 +37,19 @@ def test_an_engine_of_ones_own_serves_every_measurement_by_its_methods_alone():
 
     assert method.key == KEY
     assert method.uses == set(Use) - {Use.FEATURE}
+
+
+def test_engines_of_ours_are_found_without_a_look_at_other_packages_and_others_whenever_they_are_registered(
+    monkeypatch,
+):
+    here = "crosscheck.engines.closed_form.engine:ClosedForm"
+    for points in [(), (EntryPoint("two_circles", "own:TwoCircles", GROUP), EntryPoint("closed_form", here, GROUP))]:
+        monkeypatch.setattr(engines, "entry_points", lambda group, points=points: points)
+        with pytest.raises(EngineError, match="cannot be imported" if points else "no engine is called"):
+            engines.load("two_circles")
+    monkeypatch.delattr(engines, "entry_points")
+
+    assert engines.load("closed_form").name == "closed_form"
 
 
 def test_it_is_compared():
