@@ -10,12 +10,13 @@ their rates; of bodies that spin as one also that of their turns against each ot
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import AXIAL, Hold, Kind, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, Hold, Kind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism
@@ -27,7 +28,13 @@ Spins = Sequence[dict[str, Line]]
 
 def passive_lines(mechanism: Mechanism, unit: Unit = SI) -> Spins:
     """Return for each passive spin its bodies, with a point of the line and its direction in the frame of each."""
-    return numbers_of(mechanism, unit).passive
+    return _numbers(mechanism, unit).passive
+
+
+@lru_cache(maxsize=16)
+def _numbers(mechanism: Mechanism, unit: Unit) -> Numbers:
+    """Return a mechanism as the judge has read it: each engine reads its own."""
+    return numbers_of(mechanism, unit)
 
 
 def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str], spins: Spins) -> list[Array]:
@@ -128,7 +135,7 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
 
     Of joints between bodies that the motion has, or the ground.
     """
-    numbers, wrong = numbers_of(mechanism, SI), dict[str, Array]()
+    numbers, wrong = _numbers(mechanism, SI), dict[str, Array]()
     turns = {body: motion.q[7 * k + 3 : 7 * k + 7].T for k, body in enumerate(motion.bodies)}
     turns[GROUND] = np.broadcast_to(np.eye(4)[0], (len(motion.t), 4))
     for hold in numbers.holds:
@@ -137,7 +144,7 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
             wrong[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
     for drive in numbers.drives:
         if drive.kind == Kind.ANGLE and turns.keys() >= set(drive.hold.bodies):
-            (i, j), f = drive.hold.bodies, np.array([float(drive.law(t, 0)) for t in motion.t])[:, None]
+            (i, j), f = drive.hold.bodies, np.asarray(drive.law(motion.t, 0))[:, None]
             frame = drive.hold.frame_i
             wanted = np.cos(f) * _turned(turns[i], frame[:, 0]) + np.sin(f) * _turned(turns[i], frame[:, 1])
             wrong[drive.name] = np.sum(wanted * _turned(turns[j], drive.hold.frame_j[:, 0]), axis=1) < 0.0
@@ -152,7 +159,7 @@ def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[lis
     levels : sequence of (7 n, T) array
         Position, velocity, acceleration of all bodies [m].
     """
-    numbers = numbers_of(mechanism, SI)
+    numbers = _numbers(mechanism, SI)
     at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}
     rest = np.zeros_like(levels[0][:7].T)
     at[GROUND] = [rest + np.eye(7)[3], rest, rest]
