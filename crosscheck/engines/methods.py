@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -299,7 +298,7 @@ def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
     for use, key in ((Use.HARD, "discovery"), (Use.FEATURE, "features")):
         routes = getattr(engine, key, None)
         listed += [_of_route(engine, route, frozenset({use})) for route in (routes() if routes else ())]
-    dynamic = engine.dynamic_routes() if isinstance(engine, Simulating) else ()
+    dynamic: Sequence[Route] = getattr(engine, "dynamic_routes", tuple)()
     return listed + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
 
 
@@ -338,7 +337,7 @@ def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
-    folder = Path.cwd()
+    folder = os.getcwd()
     with np.errstate(all="ignore"), warnings.catch_warnings():
         try:
             yield

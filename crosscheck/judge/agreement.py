@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
+from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import believed, misshapen
 from crosscheck.judge.records import QUANTITIES
@@ -67,7 +68,7 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
     """Return the coordinates that were given as a motion; what was not given is the reference's own."""
     t = ref.motion.t
     levels = [np.array(level) for level in ref.motion.levels]
-    answered = np.array([status is Status.OK for status in ref.motion.status])
+    answered = times_with(ref.motion, Status.OK)
     if not any(given.values()):
         raise NothingToCompare(f"{ref.scene.name}: the answer has no number")
     names = [[coordinate + "d" * order for coordinate in ref.motion.kind.coordinates] for order in range(3)]

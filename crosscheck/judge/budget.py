@@ -203,7 +203,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     q, qd, qdd : (n, T) array
         Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
     """
-    samples = np.flatnonzero([s is Status.OK for s in motion.status])
+    samples = np.flatnonzero(times_with(motion, Status.OK))
     if not samples.size:
         return None
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
@@ -232,6 +232,11 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
     )
+
+
+def times_with(motion: Motion, status: Status) -> Any:
+    """Return at which times a motion has a status, (T,) of bool."""
+    return np.array([s is status for s in motion.status], bool)
 
 
 def residual_error(system: System, q: Any, t: Any) -> Any:

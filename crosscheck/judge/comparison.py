@@ -12,7 +12,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
+from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation, times_with
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
@@ -32,11 +32,6 @@ class Reference:
     sigma_min: Any
 
     _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
-
-    @cached_property
-    def ok(self) -> Any:
-        """At which times it has an answer, (T,)."""
-        return np.array([s is Status.OK for s in self.motion.status])
 
     @cached_property
     def propagation(self) -> Propagation | None:
@@ -110,7 +105,7 @@ class QuantityComparison:
     @property
     def agrees(self) -> bool:
         """Whether every judged sample is within its budget."""
-        return not np.nanmax(self.ratio, initial=0.0) > 1.0
+        return not (self.ratio > 1.0).any()
 
 
 @dataclass(frozen=True)
@@ -168,10 +163,10 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
     """
     budget = ref.budget(terms)
-    answered = np.array([s is Status.OK for s in motion.status])
+    answered, ok = times_with(motion, Status.OK), times_with(ref.motion, Status.OK)
     samples = budget.judged[at] & answered
     compared = _judge(ref, motion, budget, samples, at)
-    missing = np.flatnonzero(ref.ok[at] & ~answered)
+    missing = np.flatnonzero(ok[at] & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
     other = _other_assembly(ref, motion, compared, samples, at)
     return Comparison(compared, len(missing), int(samples.sum()), other, first)
@@ -247,7 +242,9 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
         rows, where = rows_of(system, motion.bodies), slice(None) if samples.all() else samples
         signed[:, rows] = np.where(samples, differences, np.nan)
         allowed = budget.levels[list(levels)][:, rows][..., at]
-        allowed = np.array([spun(level, motion.bodies, ref.passive) for level in allowed])[..., where]
+        if ref.passive:
+            allowed = np.array([spun(level, motion.bodies, ref.passive) for level in allowed])
+        allowed = allowed[..., where]
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.abs(differences[..., where])
             off[~np.isfinite(off)] = np.inf  # a NaN that calls itself an answer is as wrong as can be

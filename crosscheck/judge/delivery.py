@@ -23,7 +23,7 @@ import numpy as np
 
 from crosscheck.engines import Engine, Level, Term
 from crosscheck.errors import kept
-from crosscheck.judge.budget import output_rounding, residual_error, table_error
+from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
 from crosscheck.judge.comparison import Reference, begun_at, whole_poses
 from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, Record
 from crosscheck.judge.running_error import U
@@ -39,7 +39,7 @@ from refkin.system import compile_system
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
 the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape with short
-links makes, a million, or what the shortest link makes of a thousand (`_of_rates`)."""
+links makes, a million, or what the shortest link makes of a thousand (`_is_rounding`)."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
         least = min(term.absolute, term.relative, term.of_rates)  # one below 0 would pay for another
-        if absolute <= most and relative <= formulas and of_rates <= _of_rates(scene) and least >= 0.0:
+        if absolute <= most and relative <= formulas and _is_rounding(of_rates, scene) and least >= 0.0:
             allowed.append(term)
             continue
         size = least if least < 0.0 else max(term.absolute, term.relative, term.of_rates)
@@ -116,7 +116,8 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
             yield f"{name}: expected an array of floats, got {getattr(level, 'dtype', type(level).__name__)}"
         elif level.shape != shape:
             yield f"{name} has shape {level.shape}, not {shape}: {width} rows a body"
-    strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
+    known = [b.name for b in scene.mechanism.bodies]
+    strange = [body for body in motion.bodies if body not in known]
     if strange:
         yield f"it answers for {kept(', '.join(map(str, strange)))}, which the scene has not"
     elif len(set(motion.bodies)) < len(motion.bodies):
@@ -174,12 +175,14 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
 
     Only to be asked where the reference's verdict is the one that the scene was made for.
     """
-    ok = np.array([s is Status.OK for s in motion.status])
-    nowhere = ok & np.array([s is Status.UNASSEMBLABLE for s in ref.motion.status])
+    ok = times_with(motion, Status.OK)
+    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE) & ok
     if nowhere.any():
         yield _at(motion, nowhere, QUANTITIES[0], Cause.NO_ASSEMBLY)
     for status, kind in ((Status.SINGULAR, Cause.SINGULAR_RATES), (Status.LOCKED, Cause.LOCKED_RATES)):
-        there = ok & np.array([s is status for s in ref.motion.status])
+        there = times_with(ref.motion, status) & ok
+        if not there.any():
+            continue
         for order, quantity in enumerate(QUANTITIES[1:], 1):
             level, none = motion.levels[order], np.isnan(ref.levels[order]).any(axis=0)
             rated = there & none & (False if level is None else np.isfinite(level).all(axis=0))
@@ -193,10 +196,11 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
     No first-order statement holds of an error there, so no answer is held against the reference's. Of a residual it
     does: rounding leaves as little of it as anywhere.
     """
-    there = np.array([s in (Status.OK, Status.SINGULAR) for s in ref.motion.status]) & ~ref.budget().judged
-    asked = there & [s is Status.OK for s in motion.status]
-    q, t = whole_poses(ref, motion, asked), motion.t[asked]
-    if q is None or not t.size:
+    there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
+    asked = there & times_with(motion, Status.OK) & ~ref.budget().judged
+    t = motion.t[asked]
+    q = whole_poses(ref, motion, asked) if t.size else None
+    if q is None:
         return
     system = ref.system.held_at(q)  # no spin violates anything
     form = next((term.form for term in terms if term.form), "")
@@ -216,7 +220,7 @@ def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, A
 
     Dot products of axes, and sin(theta - f), are zero there too: closed equations, and no assembly.
     """
-    ok, rows, wrong_at = np.array([s is Status.OK for s in motion.status]), [], np.zeros(len(motion.t), bool)
+    ok, rows, wrong_at = times_with(motion, Status.OK), list[dict[str, Any]](), np.zeros(len(motion.t), bool)
     spatial = scene.mechanism.kind.name == "spatial"
     for name, samples in reversed_joints(scene.mechanism, motion).items() if spatial else ():
         wrong = ok & samples
@@ -241,11 +245,13 @@ def _most(engine: str, scene: Scene, term: Term) -> float:
     return max(ABSOLUTE, documented.largest(scene)) if documented else ABSOLUTE
 
 
-def _of_rates(scene: Scene) -> float:
-    """Return what of rates is rounding: a link turns with w = (v_i + v_j) / L, v up to twice the size; of w^2 it is."""
+def _is_rounding(of_rates: float, scene: Scene) -> bool:
+    """Whether so much of rates is: a link turns with w = (v_i + v_j) / L, v up to twice the size; of w^2 it is."""
+    if of_rates <= OF_RATES:
+        return True
     size, given = scene.mechanism.size(), elements_of(scene.mechanism.constraints)
     shortest = min((e.length for e in given if isinstance(e, PointDistance) and not e.laws), default=size)
-    return max(OF_RATES, RELATIVE * (4.0 * size / shortest) ** 2)
+    return of_rates <= RELATIVE * (4.0 * size / shortest) ** 2
 
 
 FIRST, LATER = 4, 8
@@ -323,7 +329,7 @@ def _within(times: tuple[float, ...] | list[float], count: int = LATER) -> list[
 
 def _minima(motion: Motion) -> Iterator[tuple[float, int, Motion]]:
     """Yield (sigma_min, k, motion) of the poses at which it is smaller than before and after."""
-    ok = np.array([s is Status.OK for s in motion.status])
+    ok = times_with(motion, Status.OK)
     sigma = np.pad(np.where(ok, motion.sigma_min, np.inf), 1, constant_values=np.inf)
     lowest = ok & (sigma[1:-1] <= sigma[:-2]) & (sigma[1:-1] <= sigma[2:])
     yield from ((float(sigma[k + 1]), int(k), motion) for k in np.flatnonzero(lowest))

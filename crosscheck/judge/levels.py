@@ -175,7 +175,7 @@ def compare_levels(
 
 def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> LevelComparison:
     ratios = np.array([ratio for ratio, _ in samples])
-    sample, row = (int(k) for k in np.unravel_index(np.argmax(ratios), ratios.shape))
+    sample, row = divmod(int(np.argmax(ratios)), len(maps))
     worst = At(f"row {maps[row].row} of {maps[row].constraint}, configuration {sample}")
     return LevelComparison(float(ratios.max()), tuple(float(d) for _, d in samples), len(maps), worst)
 

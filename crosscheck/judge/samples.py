@@ -99,7 +99,7 @@ def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
     """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none."""
     if common is None or q.difference is None:
         return []
-    return [float(f"{x:.3g}") if np.isfinite(x) else None for x in q.difference[:, common.k]]
+    return [float(f"{x:.3g}") if math.isfinite(x) else None for x in q.difference[:, common.k].tolist()]
 
 
 def histogram(digits: Iterable[float]) -> Histogram:

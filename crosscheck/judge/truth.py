@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES
+from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Reference, reference, scaled_differences, scales
 from crosscheck.judge.records import MOST_DIGITS
 from refkin.model import Evidence, Scene
@@ -51,7 +52,7 @@ class CertifiedTruth:
     def __init__(self, scene: Scene) -> None:
         self.ref: Reference = reference(replace(scene, evidence=frozenset(Evidence)))
         motion = self.ref.motion
-        self.known = np.array([s is Status.OK for s in motion.status])
+        self.known = times_with(motion, Status.OK)
         if not self.known.any():
             raise NoTruth(f"{scene.name}: no pose is certified, so no digit has a price: {motion.message}")
         self.bodies = [body.name for body in scene.mechanism.bodies]
@@ -94,7 +95,7 @@ def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     known : (T,) array of bool
         The B times that are asked for: some at which the reference is ok.
     """
-    samples = np.isin(np.flatnonzero([s is Status.OK for s in ref.motion.status]), np.flatnonzero(known))
+    samples = np.isin(np.flatnonzero(times_with(ref.motion, Status.OK)), np.flatnonzero(known))
     system, t, carry = ref.system, ref.motion.t[known], ref.propagation
     assert carry is not None  # there are times at which the reference is ok
     q, qd, qdd = (level[:, known] for level in ref.levels)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import pickle
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -142,7 +142,13 @@ class _Subject:
     @cached_property
     def handed(self) -> Scene:
         """The scene as engines are handed it: nothing that one does to it reaches the reference or the judge."""
-        return deepcopy(self.scene)
+        return _copied(self.scene)
+
+    @cached_property
+    def turned_round(self) -> Scene:
+        """The scene with its bodies, joints and drivers reversed, at the first quarter of its times."""
+        few = self.scene.times[: math.ceil(len(self.scene.times) / TURNED_ROUND)]
+        return permuted(replace(self.scene, times=few))
 
     def changed(self) -> bool:
         """Whether an engine has changed the scene that it was handed; what comes after it is handed another."""
@@ -214,6 +220,12 @@ def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:
         RefusalRow(engine=engine.name, joint=key, name=name, level=level.value, reason=reason)
         for key, name, reason in refused_joints(engine, scene.mechanism.constraints, level)
     ]
+
+
+def _copied(scene: Scene) -> Scene:
+    """Return an equal scene, all of it anew; `deepcopy` takes five times as long."""
+    new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
+    return new
 
 
 def estimated(scene: Scene, ref: Reference) -> Scene:
@@ -336,18 +348,17 @@ def _turned_round(engine: Engine, method: Route, subject: _Subject, terms: Seque
     It is asked for the first quarter of the times: what depends on the order of bodies does so at any time, and times
     that are as near as ever take no more steps than before.
     """
-    ref, scene = subject.ref, permuted(subject.scene)
-    asked = np.arange(math.ceil(len(scene.times) / TURNED_ROUND))
-    fewer = replace(scene, times=scene.times[: len(asked)])
+    ref, fewer = subject.ref, subject.turned_round
+    asked = slice(len(fewer.times))
     try:
         with undisturbed():
-            motion = engine.solve(deepcopy(fewer), method)
+            motion = engine.solve(_copied(fewer), method)
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)
     except EngineError:
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
-        return Comparison(nothing, len(asked), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
+        return Comparison(nothing, len(fewer.times), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
 
 
 def _is_refusal(error: EngineError, scene: Scene) -> bool:
