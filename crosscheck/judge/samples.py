@@ -104,8 +104,7 @@ def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
 
 def histogram(digits: Iterable[float]) -> Histogram:
     """Return how often each number of digits occurs, in whole tenths, rounded down; NaN is left out."""
-    values = list(digits)
-    return _counted([0] * len(values), values).get(0, {})
+    return dict(Counter(math.floor(10 * float(value)) for value in digits if math.isfinite(value)))
 
 
 def by_decade(decades: Sequence[int | None], digits: Any) -> By:
