@@ -37,7 +37,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar
-from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution
+from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution, rows_of
 from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
@@ -162,7 +162,7 @@ def _in_scene(solution: Solution, place: Planar) -> tuple[Jet, Jet]:
 
 def _levels(jets: list[Jet], count: int) -> list[Array]:
     """Return value, rate and acceleration of the jets as float arrays (n, T)."""
-    return [np.stack([np.broadcast_to(getattr(jet, part), (count,)).astype(float) for jet in jets]) for part in "vda"]
+    return [rows_of([getattr(jet, part) for jet in jets], count) for part in "vda"]
 
 
 def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
@@ -186,7 +186,7 @@ def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
     status = np.where(lost, Status.BRANCH_LOST, status)
     status = np.where(assembly.singular | ~finite, Status.SINGULAR, status)
     status = np.where(assembly.absent, Status.UNASSEMBLABLE, status)
-    return tuple(Status(word) for word in np.where(unproved, Status.NOT_CONVERGED, status))
+    return tuple(map(Status, np.where(unproved, Status.NOT_CONVERGED, status).tolist()))
 
 
 def _proved_absent(solution: Solution) -> Any:

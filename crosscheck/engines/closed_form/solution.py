@@ -10,7 +10,7 @@ lie below a slack that is curved upwards, go down to zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -55,8 +55,7 @@ def _solved(scene: Scene, turns_of: Callable[[int], Any] | None = None) -> Solut
     apart = [replace(g, bodies=dict(g.bodies), nodes=dict(g.nodes)) for g in drawn.groups]
     assembly = Assembly(replace(drawn, groups=apart), scene, Floats(), turns_of=turns_of)
     ground = assembly.run()
-    closure = np.stack([np.broadcast_to(gap, (len(scene.times),)) for gap in _gaps(drawn, ground, scene)])
-    return Solution(assembly, ground, scene, closure)
+    return Solution(assembly, ground, scene, rows_of(_gaps(drawn, ground, scene), len(scene.times)))
 
 
 def float_solution(scene: Scene) -> Solution:
@@ -158,14 +157,18 @@ class _Slacks:
     def of(assembly: Assembly) -> _Slacks:
         kept = [slack for meeting in assembly.meetings for slack in meeting.slacks]
         value, rate, scale = (
-            _rows([getattr(slack, part) for slack in kept], len(assembly.scene.times))
+            rows_of([midpoint(getattr(slack, part)) for slack in kept], len(assembly.scene.times))
             for part in ("value", "rate", "scale")
         )
         return _Slacks(value / scale, rate / scale)
 
 
-def _rows(numbers: list[Any], count: int) -> Any:
-    return np.array([np.broadcast_to(midpoint(x), (count,)) for x in numbers]).reshape(len(numbers), count)
+def rows_of(numbers: Sequence[Any], count: int) -> Any:
+    """Return numbers, and rows of as many as there are times, as one array (K, count)."""
+    out = np.empty((len(numbers), count))
+    for k, x in enumerate(numbers):
+        out[k] = x
+    return out
 
 
 def lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
@@ -179,7 +182,7 @@ def lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
     first, last = np.array(times[:-1]), np.array(times[1:])
     alike = [parts == n for n in range(FEWEST, PIECES + 1) if n in parts]
     fine = np.unique(np.concatenate([np.linspace(first[k], last[k], parts[k][0] + 1).ravel() for k in alike]))
-    slacks = _Slacks.of(solve(tuple(fine)))
+    slacks = _Slacks.of(solve(tuple(fine.tolist())))
     met = _first(fine, slacks.value)
     least = (slacks.rate[:, :-1] < 0.0) & (slacks.rate[:, 1:] > 0.0) & (fine[1:] < met)
     which, k = np.nonzero(least)
@@ -202,7 +205,7 @@ def _least(first: float, which: Any, ends: Any, solve: Solve) -> float:
             x[open_] for x in (which, lo, v_lo, r_lo, hi, v_hi, r_hi, middle)
         )
         times = np.unique(np.append(middle, first))
-        slacks, at = _Slacks.of(solve(tuple(times))), np.searchsorted(times, middle)
+        slacks, at = _Slacks.of(solve(tuple(times.tolist()))), np.searchsorted(times, middle)
         value, rate = slacks.value[which, at], slacks.rate[which, at]
         met = min(met, float(np.min(middle[~(value > Floats.zero)], initial=np.inf)))
         left = rate > 0.0
