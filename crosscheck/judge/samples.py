@@ -96,10 +96,13 @@ def attainable_digits(ref: Reference) -> dict[str, Any]:
 
 
 def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
-    """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none."""
+    """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none.
+
+    Zero is the whole number: `0.0` in every sixth place makes a record half a percent longer.
+    """
     if common is None or q.difference is None:
         return []
-    return [float(f"{x:.3g}") if math.isfinite(x) else None for x in q.difference[:, common.k].tolist()]
+    return [float(f"{x:.3g}") or 0 if math.isfinite(x) else None for x in q.difference[:, common.k].tolist()]
 
 
 def histogram(digits: Iterable[float]) -> Histogram:
