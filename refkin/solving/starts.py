@@ -18,7 +18,7 @@ from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import least_squares
-from refkin.proof.assembly.search import PRIMES, Assemblies, closes, radical_inverse
+from refkin.proof.assembly.search import PRIMES, SAME, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
@@ -175,7 +175,8 @@ def _choice(
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
     why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
     if nearest == len(search.poses):
-        return poses[nearest], f"{why}: Newton's, nearer than {len(search.poses)} others found"
+        others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
+        return poses[nearest], f"{why}: Newton's, {f'nearer than {others} others' if others else 'the only one'} found"
     which = f"assembly {nearest + 1} of {len(search.poses)}{'' if search.complete else ' found'}"
     mode = f", mode {search.branches[nearest]}" if search.branches[nearest] else ""
     return poses[nearest], f"{why}: {which}{mode}"

@@ -16,6 +16,7 @@ import pytest
 import refkin
 from refkin import AngleDriver, Body, Distance, FourBar, Mechanism, Polynomial, Scene, Sinusoid, XDriver, YDriver
 from refkin.proof.assembly.search import Assemblies
+from tests.refkin.test_hostile_scenes import peaucellier
 
 ROOT = Path(__file__).parents[2]
 CORPUS = ROOT / "tests" / "corpus"
@@ -111,7 +112,8 @@ ELSEWHERE = {
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
     "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
-    "{}: Newton's, nearer than {} others found": "test_hostile_scenes.py: peaucellier_starts",
+    "{}: Newton's, {} found": "test_messages.py: an_assembly_that_alone_was_found",
+    "nearer than {} others": "test_messages.py: an_assembly_that_alone_was_found",
     "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",
     "{}: the bounds cover those whose inverse is at most {} times that of all rows": (
         "test_hostile_scenes.py: too_many_to_certify"
@@ -167,6 +169,14 @@ def test_sentences_with_tests_elsewhere_have_them(sentence):
     defined = re.findall(r"^def (\w+)", (ROOT / "tests" / "refkin" / name).read_text(encoding="utf-8"), re.M)
 
     assert any(part in function for function in defined if function.startswith("test_"))
+
+
+def test_an_assembly_that_alone_was_found_is_not_said_to_be_nearer_than_itself():
+    """Of two links in line both Newton's method and the search find the one assembly, to the root of rounding."""
+    alone, among = (refkin.solve(given) for given in (scene("stretched"), peaucellier(0.3, 0)))
+
+    assert says(alone, "Newton's, the only one found"), alone.message
+    assert says(among, "Newton's, nearer than {} others found"), among.message
 
 
 def test_a_step_that_is_never_certain_is_not_blamed_on_a_singular_pose(monkeypatch):
