@@ -151,11 +151,11 @@ class _Subject:
         return permuted(replace(self.scene, times=few))
 
     def changed(self) -> bool:
-        """Whether an engine has changed the scene that it was handed; what comes after it is handed another."""
-        changed = self.handed != self.scene
-        if changed:
-            del self.handed
-        return changed
+        """Whether an engine has changed the scene that it was handed; what comes after it is handed another.
+
+        Also where it has not: what laws keep at hand, splines, is no part of a scene that is compared.
+        """
+        return bool(vars(self).pop("handed", self.scene) != self.scene)
 
     @cached_property
     def configurations(self) -> list[Configuration]:

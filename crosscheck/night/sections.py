@@ -17,6 +17,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -185,7 +186,7 @@ def pictured(job: Job) -> dict[str, Any] | None:
 def _answers(spec: str, methods: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
     """Yield what methods of an engine answer to a scene, compared with the reference."""
     engine = load(spec)
-    scene = estimated(ref.scene, ref)
+    scene = deepcopy(estimated(ref.scene, ref))
     for method in engine.routes():
         if method.name in methods:
             try:

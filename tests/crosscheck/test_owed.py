@@ -21,13 +21,15 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause, line_of, read_line
 from crosscheck.measure.check import TURNED_ROUND, check, key_of
+from crosscheck.measure.conform import ask
 from crosscheck.measure.effects import ablations, rows
+from crosscheck.scenes.conformance import Question
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Polynomial, Table
 from refkin.scenes import files
 
 from .fake_engines import engine_file
@@ -201,6 +203,20 @@ class Meddling(Wrapped):
         return motion
 
 
+class Scaling(Wrapped):
+    """It scales in place what the laws of its scene keep at hand: a spline's coefficients."""
+
+    name = "scaling"
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        for driver in scene.mechanism.drivers:
+            for kept in vars(driver.law).values():
+                if hasattr(kept, "c"):
+                    kept.c[:] *= 1.001
+        return motion
+
+
 class Altering(type(load("mujoco"))):
     """It changes the scene whose rows it gives."""
 
@@ -209,6 +225,18 @@ class Altering(type(load("mujoco"))):
     def constraints(self, scene):
         object.__setattr__(scene, "times", (9.0, 10.0))
         return super().constraints(scene)
+
+
+@pytest.mark.parametrize("asked", [check, lambda scene, engines: ask(engines[0], Question("", scene))])
+def test_what_an_engine_does_to_what_its_scene_keeps_at_hand_reaches_nobody_else(asked):
+    table = Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.0, 1.0, 1.5, 2.0))
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=table, times=(0.5, 1.0, 1.5))
+    refkin.solve(scene)
+    assert any(hasattr(kept, "c") for kept in vars(table).values())
+
+    said = asked(scene, [Scaling(), Wrapped(), "exudyn"])
+
+    assert not (said.disagreements if asked is check else said.faults)
 
 
 def turned_round(scene: Scene, is_asked: bool) -> Scene:
