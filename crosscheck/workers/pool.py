@@ -18,7 +18,7 @@ from multiprocessing import connection
 from typing import Any, Self
 
 from crosscheck.errors import UsageError
-from crosscheck.workers.processes import Child, Failure, Message, call_each, hang
+from crosscheck.workers.processes import Child, Failure, FailureKind, Message, call_each, hang
 
 SECONDS_PER_SCENE = 30.0
 """After this long on one scene a process is ended: some hundred times what a scene takes."""
@@ -247,7 +247,8 @@ class Workers(Pool):
         if trial.complete:
             result = self.work.joined(trial.job, trial.engines, trial.parts)
             if not trial.repeated:
-                self.unexplained.append(f"{result.key}: {trial.first.name}, but not when it was done again")
+                first = trial.first.text if trial.first.kind is FailureKind.ERROR else trial.first.name
+                self.unexplained.append(f"{result.key}: {first}, but not when it was done again")
             yield result
 
 

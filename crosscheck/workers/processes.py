@@ -284,13 +284,16 @@ def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns, or a Failure that tells what it raised and where.
 
     This is the border of a process: whatever an engine raises is reported under its name, and nothing is lost beyond.
+    Nobody else interrupts a process: it is in no group with a terminal.
     """
     try:
         return function(*arguments)
-    except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
+    except BaseException as error:
+        where, words = traceback.extract_tb(error.__traceback__)[-1], ""
+        with suppress(Exception):  # an exception of an engine's own may have no words
+            words = kept(str(error))
         name, file = type(error).__name__, os.path.basename(where.filename)
-        return Failure(FailureKind.ERROR, f"{name}: {kept(str(error))} ({where.name}, {file}:{where.lineno})", name)
+        return Failure(FailureKind.ERROR, f"{name}: {words} ({where.name}, {file}:{where.lineno})", name)
 
 
 def _begin(process: Any) -> None:

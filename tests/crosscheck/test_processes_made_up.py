@@ -61,6 +61,32 @@ def test_a_child_is_ready_once_for_some_arguments_and_says_what_came_of_each():
     assert answers[1].text.startswith("ZeroDivisionError: planted (failing, test_processes_made_up.py:")
 
 
+class Wordless(ValueError):
+    def __str__(self) -> str:
+        raise self
+
+
+@pytest.mark.parametrize(
+    ("raised", "text"),
+    [
+        (KeyboardInterrupt("own"), "own"),
+        (SystemExit(0), "0"),
+        (BaseExceptionGroup("some", [SystemExit()]), "some ("),
+        (Wordless(), " ("),
+    ],
+)
+def test_what_an_engine_raises_to_end_its_process_or_without_words_is_told_as_all_that_it_raises(raised, text):
+    def ending(argument: Any) -> Any:
+        raise raised
+
+    pipe = Pipe(("a", "b"))
+    serve(ending, None, pipe)
+    failures = [message[1] for message in pipe.sent[1:]]
+
+    assert [failure.kind for failure in failures] == [FailureKind.ERROR] * 2
+    assert failures[0].text.startswith(f"{type(raised).__name__}: {text}")
+
+
 def test_what_cannot_be_prepared_is_the_result_of_all_arguments():
     def unprepared(argument: Any) -> None:
         raise OSError(f"no {argument}")
