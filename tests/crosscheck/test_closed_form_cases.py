@@ -5,6 +5,7 @@ import cmath
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from crosscheck.engines.closed_form.linkage import Circle, Line, line_and_circle
+from crosscheck.engines.closed_form.solution import _moves
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
@@ -65,24 +67,36 @@ def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign):
     assert set(orientation(motion)) == {sign}
 
 
-@pytest.mark.parametrize("lifted", [0.0, 0.15])
-def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted):
-    """Coupler and rocker in one line in the estimate, which lies on the upper side; but not of a tip that is lifted."""
-    scene = linkage(LENGTHS, sign=1)
+@pytest.mark.parametrize(
+    ("lifted", "scale", "sign"), [(0.0, 1.0, 1), (0.15, 1.0, 1), (0.15, 2.0**10, 1), (0.7, 1.0, -1)]
+)
+def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign):
+    """Coupler and rocker in one line in the estimate, which lies on the upper side; but not of a tip that is lifted.
+
+    If it is lifted so far that they are in no line any more, their own orientation decides.
+    """
+    lengths = {name: scale * length for name, length in LENGTHS.items()}
+    scene = linkage(lengths, sign=1)
     bodies = list(scene.mechanism.bodies)
     bodies[0] = replace(bodies[0], estimate=(0.0, 0.0, 0.3 + lifted))
-    tip, ground = cmath.rect(1.0, 0.3), 4.0 + 0j
-    pin = 0.5 * (tip + ground) + 0.05j  # sine of the angle at the pin: 0.07, not decisive
+    tip, ground = cmath.rect(scale, 0.3), 4.0 * scale
+    pin = 0.5 * (tip + ground) + 0.05j * scale  # sine of the angle at the pin: 0.07, not decisive
     lean = cmath.phase(pin - tip)
-    end = pin - cmath.rect(LENGTHS["coupler"], lean)  # so that the estimate sees the pin B there
+    end = pin - cmath.rect(lengths["coupler"], lean)  # so that the estimate sees the pin B there
     bodies[1] = replace(bodies[1], estimate=(end.real, end.imag, lean))
     flat = replace(scene, mechanism=replace(scene.mechanism, bodies=tuple(bodies)))
 
-    assert np.array_equal(ClosedForm().solve(flat).q, ClosedForm().solve(scene).q)
+    assert orientation(ClosedForm().solve(flat)) == sign
 
 
-def test_without_estimates_the_positive_orientation_is_taken_and_said():
-    motion = ClosedForm().solve(linkage(LENGTHS, estimates=False))
+@pytest.mark.parametrize("made", ["four-bar", "slider-crank"])
+def test_without_estimates_the_positive_orientation_is_taken_and_said(made):
+    scene = linkage(LENGTHS, estimates=False)
+    if made == "slider-crank":  # of which the line is known, and the circle is not
+        plain = SliderCrank(crank=1.0, rod=3.0).scene(speed=1.0, turns=1, samples=3, branch="open")
+        bodies = tuple(replace(body, estimate=None) for body in plain.mechanism.bodies)
+        scene = replace(plain, mechanism=replace(plain.mechanism, bodies=bodies))
+    motion = ClosedForm().solve(scene)
 
     assert motion.verdict is Status.OK
     assert "no estimate" in motion.message
@@ -213,6 +227,22 @@ def test_a_limit_passed_and_come_back_from_between_two_times_is_seen(beyond, ver
     scene = replace(start, mechanism=replace(start.mechanism, drivers=(driver,)), times=(0.0, 1.0, 2.0, 3.0))
 
     assert ClosedForm().solve(scene).verdict is verdict
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0**-10])
+def test_what_swings_between_two_times_is_counted_by_its_way(scale):
+    """A law that is back where it was has gone four amplitudes; an angle that is found goes 0.3 rad."""
+    law = Sinusoid(amplitude=0.2, angular_frequency=4.0 * math.pi, phase=0.5 * math.pi)
+    scene = linkage(
+        {name: scale * length for name, length in LENGTHS.items()}, law, times=(0.5, 1.0, 1.0625, 1.125, 1.25)
+    )
+    unit = min(scene.mechanism.size(), 1.0)
+    angles = [np.array([0.0, 0.0, 0.0, 0.0, -0.3 / unit])]
+    moves = _moves(SimpleNamespace(scene=scene, assembly=SimpleNamespace(known_angles=angles)))
+
+    assert moves * unit == pytest.approx(
+        [0.8, *0.2 * -np.diff(np.cos([0.0, 0.25 * math.pi, 0.5 * math.pi])), 0.3], rel=0.08
+    )
 
 
 def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():

@@ -11,7 +11,9 @@ import pytest
 
 import refkin
 from refkin import (
+    AngleDriver,
     Body,
+    DistanceDriver,
     FourBar,
     Mechanism,
     Polar,
@@ -26,7 +28,7 @@ from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
-from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
+from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, _is_driven_angle, driven_by, straight_on
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
@@ -385,6 +387,35 @@ def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first(
 
     assert scene.times == (pytest.approx(0.55),)
     assert scene.mechanism.drivers[0].law == Polynomial(coefficients=(0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("laws", "endless"),
+    [
+        ([("angle", (0.0, 1.0))], True),
+        ([("angle", (0.0, 1.0)), ("angle", (0.5,)), ("distance", (2.0, 0.0))], True),
+        ([("angle", (0.5,)), ("angle", (0.0, 1.0))], True),
+        ([("angle", (0.0, 1.0)), ("angle", (0.5, 0.1))], False),
+        ([("angle", (0.0, 2.0))], False),
+        ([("angle", (0.5,))], False),
+        ([("distance", (0.0, 1.0))], False),
+        ([("angle", (0.0, 1.0)), ("angle", None)], False),
+    ],
+)
+def test_a_path_may_come_back_after_a_turn_if_its_t_is_the_one_angle_that_is_driven(laws, endless):
+    laws = [
+        (kind, Sinusoid(amplitude=0.1, angular_frequency=1.0) if of is None else Polynomial(coefficients=of))
+        for kind, of in laws
+    ]
+    ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "crank", "point_j": (1.0, 0.0)}
+    drivers = [
+        AngleDriver(name=str(k), body="crank", law=law)
+        if kind == "angle"
+        else DistanceDriver(name=str(k), law=law, **ends)
+        for k, (kind, law) in enumerate(laws)
+    ]
+
+    assert _is_driven_angle(SimpleNamespace(drivers=drivers)) is endless
 
 
 def test_an_unknown_driver_is_refused_by_name():

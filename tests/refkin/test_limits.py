@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -10,7 +11,12 @@ import pytest
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
 from refkin.errors import InvalidScene
+from refkin.scenes.linkages import RSSP
 from refkin.solving import limits
+from refkin.solving.limits import check_size
+from refkin.system import compile_system
+
+from .contact_cases import RATE, over_profile
 
 
 def chain(count: int) -> Scene:
@@ -36,6 +42,32 @@ def test_a_chain_of_twenty_thousand_bodies_is_refused_in_a_second_with_what_it_w
         refkin.solve(scene)
 
     assert time.process_time() - start < 5.0
+
+
+@pytest.mark.parametrize("made", ["chain", "redundant", "space", "cam"])
+def test_what_a_dense_solve_takes_is_reckoned_with_the_rows_and_coordinates_that_it_has(made, monkeypatch):
+    """8 bytes for a number of the Jacobian, eight eliminations of it for a pose; what just fits is not refused."""
+    scene = {
+        "chain": chain(3),
+        "space": RSSP(1.0, 3.0, (0.5, 0.25, 0.5), (1.0, 0.5, 0.25)).scene(samples=5),
+        "cam": over_profile(RATE),
+    }.get(made)
+    if scene is None:
+        plain = chain(3)
+        driver = AngleDriver(name="again", body="b0", law=Polynomial(coefficients=(0.1,)))
+        mechanism = replace(plain.mechanism, drivers=(*plain.mechanism.drivers, driver))
+        scene = replace(plain, mechanism=mechanism, times=(0.0, 1.0))
+    system, times = compile_system(scene.mechanism), len(scene.times)
+    numbers = system.m * system.n * times
+    for name, most in (("MOST_BYTES", 8.0 * numbers), ("MOST_SECONDS", 8e-9 * numbers * system.n)):
+        with monkeypatch.context() as lowered:
+            lowered.setattr(limits, name, 1.001 * most)
+            check_size(scene)
+            lowered.setattr(limits, name, most / 4.0)
+            with pytest.raises(
+                InvalidScene, match=rf"of {system.n} coordinates at {times} times, .* REFKIN_LIMIT=4.2 "
+            ):
+                check_size(scene)
 
 
 def test_the_limit_can_be_raised_and_lowered(monkeypatch):

@@ -8,19 +8,21 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from flint import arb, ctx
 from hypothesis import given, settings
 
 import refkin
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCrank, Status, Table
 from refkin.fast import attempt
-from refkin.fast.certify import _Number, exact_geometry, radii
+from refkin.fast.certify import _law, _Number, exact_geometry, radii
 from refkin.fast.compiled import forget
 from refkin.fast.elimination import prove
 from refkin.fast.prepare import prepared
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.symbols import Graph
 from refkin.proof.pose.krawczyk import krawczyk
+from refkin.system import compile_system
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare
@@ -115,6 +117,24 @@ def test_every_law_is_enclosed(law):
     for sample in range(len(t)):
         off = distances(system, [x[:, sample] for x in levels], t[sample])
         assert all(bounds[LEVELS.index(level)][sample] >= error for level, error in zip(LEVELS, off, strict=True))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_no_value_of_a_law_is_off_by_more_than_is_said_of_it(law):
+    """Against 200 bits: value, rate and its rate, at the ends of a table's pieces and within them."""
+    times = np.array([0.0, 0.3, 0.5, 1.0, 1.9])
+    system = compile_system(bare(ROCKER.scene(law=LAWS[law], times=tuple(times.tolist()))).mechanism)
+    k = next(k for k, p in enumerate(system.placed) if p.constraint.laws)
+    values, said = np.split(np.array(_law(system, k, times)[0]), 2)
+    with ctx.workprec(200):
+        driver = exact_system(system, 200).placed[k].constraint
+        exact = zip(*(driver.inputs(arb(t), system.unit, 2)[0] for t in times.tolist()), strict=True)
+        off = [
+            [float(abs(x - float(y)).abs_upper()) for x, y in zip(*each, strict=True)]
+            for each in zip(exact, values, strict=True)
+        ]
+
+    assert (off <= said).all()
 
 
 @pytest.mark.parametrize("levels", [1, 2, 3])
