@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import refkin.solving.solve
 from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
 from refkin.analysis import sigma_min
 from refkin.scenes.linkages.base import Branch
-from refkin.solving.ahead import Ahead, Leaps
+from refkin.solving.ahead import SAME, Ahead, Leaps
 from refkin.solving.steps import neville
 from refkin.solving.sweep import Arrival, Sweep
 
@@ -183,3 +184,29 @@ def test_a_straight_correction_is_no_sign_that_the_next_one_is_rounding():
     motion = refkin.solve(refkin.load(Path(__file__).parents[1] / "corpus" / "closed-by-a-straight-correction.toml"))
 
     assert np.max(motion.certified_radius.position / motion.condition) < 2.0 * np.finfo(float).eps
+
+
+@pytest.mark.parametrize(
+    ("off", "at", "last", "taken"),
+    [
+        (0.0, 1, False, [2, 3]),
+        (0.0, 1, True, [2, 3, 4]),
+        (2 * SAME, 1, True, None),
+        (0.0, 4, True, None),
+        (0.0, 3, False, []),
+    ],
+)
+def test_a_sweep_takes_the_steps_that_are_sure_from_where_it_is_and_no_more(off, at, last, taken):
+    """Of four steps the last may not be sure; one pose was asked for. A coordinate of the sweep may be elsewhere."""
+    t, q = np.array([0.0, 1.0, 3.0, 3.5, 4.0]), np.random.default_rng(1).uniform(size=(3, 5))
+    poses = [q[:, 0], q[:, 2], q[:, at] + off * np.array([0.0, 1.0, 0.0])]
+    sweep = SimpleNamespace(t=[-2.0, -1.0, t[at]], q=poses, step=np.inf)
+    ahead = object.__new__(Ahead)
+    vars(ahead).update(sweep=sweep, t=t, q=q, sure=np.array([True, True, True, last]), asked=np.arange(5) == 3)
+    found = ahead.follow()
+
+    assert (found is None) is (taken is None)
+    assert [pose.tolist() for pose in found or []] == [q[:, k].tolist() for k in taken or [] if k == 3]
+    assert sweep.t[3:] == t[taken or []].tolist()
+    assert [pose.tolist() for pose in sweep.q[3:]] == q[:, taken or []].T.tolist()
+    assert sweep.step == (1.0 if taken else np.inf)

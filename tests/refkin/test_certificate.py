@@ -16,9 +16,9 @@ from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.proof.numbers.bounded import Bounded, Extended, U
+from refkin.proof.numbers.bounded import Bounded, Bounds, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
-from refkin.proof.numbers.preconditioned import Nearly
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
 from refkin.proof.pose.certificate import BOX, Certificate, _Ball, certify
 from refkin.proof.pose.krawczyk import Enclosure, Judgement, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
@@ -139,6 +139,20 @@ def test_rates_taken_at_the_improved_point_instead_of_around_it_are_seen(
 
     monkeypatch.setattr(Nearly, "box", wrong)
     assert misses(cases, level)[1] > 0
+
+
+def test_what_an_inverse_leaves_of_jacobians_is_bounded_by_the_worst_of_them_and_not_by_much_more() -> None:
+    """Of entries known to a rounding of up to 1e-3: the worst has |I - R mid| + |R| rounding."""
+    system, q, t = poses(8, seed=5)[0]
+    pose, rng = Preconditioned(system, np.arange(system.n), q, t, 0), np.random.default_rng(4)
+    slope = system.phi_q(q, t) + rng.uniform(-1e-3, 1e-3, (system.n, system.n, len(t)))
+    rounding, v = rng.uniform(0.0, 1e-3, slope.shape), rng.uniform(0.5, 1.0, q.shape)
+    worst = np.abs(np.eye(system.n)[..., None] - np.einsum("ijb,jkb->ikb", pose.inverse, slope))
+    worst += np.einsum("ijb,jkb->ikb", np.abs(pose.inverse), rounding)
+    ratio = pose.defect_on(Bounds(slope, rounding, 0.0 * slope), v) / np.einsum("ijb,jb->ib", worst, v)
+
+    assert np.min(ratio) >= 1.0
+    assert np.max(ratio) < 1.0 + 1e-9
 
 
 def test_the_position_bound_is_sharp() -> None:

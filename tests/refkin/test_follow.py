@@ -221,6 +221,37 @@ def test_straight_on_through_change_points_a_parallelogram_stays_one():
     assert np.max(off(path["rocker"].phi, path["crank"].phi)) < 1e-12
 
 
+def test_there_is_no_way_straight_on_without_a_way_in_or_a_way_out():
+    way = Tangent(np.array([1.0, 0.0]), 0.5)
+    crossing = Bifurcation(0.0, np.zeros(2), (way,), way, 0)
+
+    assert straight_on(crossing) is way
+    assert straight_on(replace(crossing, tangents=())) is None
+    assert straight_on(replace(crossing, incoming=None)) is None
+
+
+def test_t_turns_twice_in_a_step_where_the_parabola_of_its_rate_falls_to_a_quarter_of_that_at_either_end():
+    """The rates at both ends and the way of t in between tell the parabola; a rate of another sign is one turn."""
+    rng, part, seen = np.random.default_rng(7), np.linspace(0.0, 1.0, 2001), []
+    for k in range(400):
+        first, middle, last = rng.uniform([0.05, -0.5, 0.05], 1.0)
+        last, length, way = last * (-1.0 if k % 8 == 0 else 1.0), 1e-6 if k % 8 == 1 else 0.3, rng.choice([-1.0, 1.0])
+        least = (
+            np.min(np.polynomial.Polynomial.fit((0.0, 0.5, 1.0), (first, middle, last), 2)(part)) - min(first, last) / 4
+        )
+        t = length * (first + 4.0 * middle + last) / 6.0
+        new = np.array([math.sqrt(length * length - t * t), 0.0, way * t])
+        if abs(least) > 1e-3:
+            seen.append(
+                tracing._turns_twice(
+                    0.0 * new, np.array([0.0, 0.0, way * first]), new, np.array([0.0, 0.0, way * last])
+                )
+            )
+            assert seen[-1] == (least < 0.0 and k % 8 > 1)
+
+    assert 100 < sum(seen) < 250
+
+
 @pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12, -1e-12, -1e-8, -1e-4])
 def test_near_a_change_point_the_path_stays_on_its_curve(slack):
     """Positive: the curves pass by each other, and t goes on. Negative: they turn back before they meet."""

@@ -254,6 +254,24 @@ def test_what_is_proved_of_a_pose_is_the_same_beside_poses_that_are_proved_by_ot
     assert (together.contradiction > 1.0).all()
 
 
+def test_norms_bound_how_far_choices_of_rows_lead_and_not_by_much_more():
+    """A joint that is there twice, 1e-9 aside the second time, or 1e-6 at one level: all that it moves is within."""
+    scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))[1]
+    motion, (*joints, again) = solve(scene), scene.mechanism.joints
+    longer = replace(scene.mechanism, joints=(*joints, replace(again, point_j=(-0.5 + 1e-9, 1e-9))))
+    system = compile_system(longer, unit=longer.unit())
+    q, *rates = (system.to_unit(level, k) for k, level in enumerate(motion.levels))
+    for factors in ((1.0, 1.0, 1.0), (1e3, 1.0, 1.0), (1.0, 1e3, 1.0), (1.0, 1.0, 1e3)):
+        moves = choices._Moves(system, np.delete(np.arange(11), [0, 1]), q, np.array(TIMES), rates)
+        for missed, factor in zip(moves.missed, factors, strict=True):
+            missed[:, :, -1] *= factor
+        share = np.array(moves.farthest()) / moves.at_most()
+
+        assert np.min(share) > 2e-3
+        assert np.max(share) <= 1.0
+    assert len(choices._Moves(system, np.delete(np.arange(11), [0, 1]), q, np.array(TIMES), rates[:1]).at_most()) == 2
+
+
 def test_the_radius_of_a_velocity_is_the_same_whether_accelerations_are_asked_for_or_not():
     """Of three levels over all choices of rows each is its own."""
     system, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))

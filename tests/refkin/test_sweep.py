@@ -159,6 +159,7 @@ def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pos
 
     assert steps._at_singular_pose(1 + 2.0**-7 - 100 * 2.0**-52) is taken
     assert len(steps.q) == (2 if taken else 1)
+    assert steps.singular is bool(taken)
     assert (np.diff([q[6] - np.pi / 24 > 0 for q in steps.q]) == 0).all()
 
 
@@ -167,6 +168,15 @@ def started(law):
     scene = ROCKER.scene(law=law, times=(0.0,))
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     return Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])])
+
+
+def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_alone(monkeypatch):
+    sweep = started(Sinusoid(offset=0.5, amplitude=0.2, angular_frequency=1.0))
+    monkeypatch.setattr(Sweep, "_is_alone", lambda _: False)
+
+    assert sweep.to(2.0) is Arrival.STOPPED
+    assert sweep.t[-1] < 0.5 * math.pi
+    assert len(sweep.t) == len(sweep.q)
 
 
 @pytest.mark.parametrize("doubted", ["", "its range", "its ends", "its last pose"])

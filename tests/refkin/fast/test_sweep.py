@@ -503,3 +503,16 @@ def test_a_near_estimate_is_taken_if_newton_contracts_from_it_and_ends_at_round_
     task._first = lambda _: SimpleNamespace(levels=[q], steps=steps)
 
     assert (module._Task._near_estimate(task) is not None) is taken
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+@pytest.mark.parametrize("near", [[], [1, 3]])
+def test_near_a_singular_pose_rates_are_solved_anew_and_elsewhere_they_stay(levels, near):
+    scene = ROCKER.scene(samples=5)
+    system = refkin.compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    right, t = [system.to_unit(level, k) for k, level in enumerate(refkin.solve(scene).levels)], np.array(scene.times)
+    off = [x + (order > 0) * (np.arange(5) % 2) for order, x in enumerate(right[:levels])]
+    corrected = answer._by_pivots(system, [x.copy() for x in off], t, np.array(near, int))
+
+    for level, x, y in zip(corrected, right, off, strict=False):
+        assert level == pytest.approx(np.where(np.isin(np.arange(5), near), x, y), rel=1e-12, abs=1e-12)
