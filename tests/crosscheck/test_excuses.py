@@ -13,7 +13,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
 from crosscheck.judge import delivery
-from crosscheck.judge.delivery import NARROWED, _falls, _narrowed, _within, singular_between
+from crosscheck.judge.delivery import NARROWED, _falls, _minima, _narrowed, _within, singular_between
 from crosscheck.judge.records import Cause
 from crosscheck.measure import check as checking
 from crosscheck.measure.check import REGULAR, check
@@ -91,6 +91,15 @@ def test_full_turns_of_a_constant_angle_do_not_round_what_hangs_on_it(engine, mo
     assert kinds(TURNED, engine) == {"depends on the order of bodies"}
 
 
+def test_a_minimum_is_a_pose_that_is_ok_and_no_farther_from_singular_than_those_beside_it():
+    """A pose that is not ok is no neighbour: whatever its sigma_min, those beside it may be minima."""
+    motion = refkin.solve(replace(REGULAR_MOTION, times=tuple(0.1 * k for k in range(7))))
+    ok, bad, sigma = Status.OK, Status.NOT_CONVERGED, np.array([0.3, 0.4, 0.2, 0.2, 0.1, 0.5, 0.4])
+    some = replace(motion, status=(ok, ok, ok, ok, bad, ok, ok), sigma_min=sigma)
+
+    assert [(s, k) for s, k, _ in _minima(some)] == [(0.3, 0), (0.2, 2), (0.2, 3), (0.4, 6)]
+
+
 def test_times_are_put_evenly_between_each_two():
     assert _within((0.0, 1.0, 3.0), 3) == [0.25, 0.5, 0.75, 1.5, 2.0, 2.5]
 
@@ -104,6 +113,17 @@ def test_a_minimum_is_narrowed_from_the_pose_before_it_if_there_is_one(before, f
 
     assert (narrowed.times[0], narrowed.times[-1]) == (first, 1.0)
     assert narrowed.mechanism.bodies[0].estimate == tuple(solved.q[:3, k].tolist())
+
+
+def test_of_many_minima_the_lowest_are_narrowed(monkeypatch):
+    """They come in the order of time, the lowest last."""
+    narrowed, found = [], [(1.0 / (k + 1), k, None) for k in range(NARROWED + 3)]
+    monkeypatch.setattr(delivery, "solve", lambda _: None)
+    monkeypatch.setattr(delivery, "_minima", lambda _: iter(found))
+    monkeypatch.setattr(delivery, "_narrowed", lambda _, motion, k: narrowed.append(k) or [])
+
+    assert singular_between(REGULAR_MOTION, 1e-3) is None
+    assert sorted(narrowed) == [k for _, k, _ in found[3:]]
 
 
 def test_a_regular_motion_is_looked_into_once_beside_each_of_its_smallest_values(monkeypatch):

@@ -14,6 +14,7 @@ import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import PRICED, Use, method, methods, undisturbed
+from crosscheck.engines.tree.newton import _extrapolated
 from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
@@ -286,3 +287,13 @@ def test_what_an_engine_computes_beyond_all_numbers_is_no_warning_of_ours():
         product = np.array([1e300]) * 1e300
 
     assert (product[0], warned) == (math.inf, [])
+
+
+def test_the_next_pose_is_guessed_as_if_the_acceleration_stayed():
+    """Of 3 + 2 t - t^2, and of one that has no rates."""
+    t = (0.5, 2.0, 2.5)
+    with_rates = [3.0 + 2.0 * x - x * x for x in t], [2.0 - 2.0 * x for x in t], [-2.0] * 3
+
+    guess = _extrapolated([np.array([level, [np.nan] * 3]) for level in with_rates], 2, t)
+    assert guess[0] == 3.0 + 2.0 * 2.5 - 2.5 * 2.5
+    assert np.isnan(guess[1])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import Level, load, refused_joints
+from crosscheck.engines.spatial.passive import _on
 from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
@@ -108,3 +109,12 @@ def test_the_closed_form_places_a_rod_with_what_is_fixed_to_it():
     scene, ref, _ = answered(rod_with_ballast)
 
     assert compare(ref, load("closed_form").solve(scene)).agrees
+
+
+@pytest.mark.parametrize(("along", "far", "allowed"), [(3.0, 0.0, 3e-12), (0.0, 1e3, 8e-12), (-2.0, 1e3, 1e-11)])
+def test_a_point_is_on_a_line_that_misses_it_by_what_rounding_leaves_and_no_more(along, far, allowed):
+    """1e-12 of the way to it, and 4e-15 of both places."""
+    line = np.array([0.0, far, 0.0]), np.array([0.6, 0.0, 0.8])
+
+    for part, on in ((0.9, True), (1.1, False)):
+        assert _on(line[0] + along * line[1] + part * allowed * np.array([0.8, 0.0, -0.6]), line) is on
