@@ -176,3 +176,11 @@ def test_redundant_rows_that_contradict_each_other_are_not_ok_without_evidence_e
     mechanism = replace(scene.mechanism, joints=(*scene.mechanism.joints, beside))
 
     assert refkin.solve(replace(scene, mechanism=mechanism)).verdict is Status.UNASSEMBLABLE
+
+
+def test_what_declines_evidence_has_no_radius():
+    scene = replace(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3), evidence=frozenset())
+    motion = refkin.solve(scene)
+
+    assert motion.verdict is Status.OK
+    assert np.isnan(motion.certified_radius.position).all()

@@ -155,6 +155,20 @@ def test_what_an_inverse_leaves_of_jacobians_is_bounded_by_the_worst_of_them_and
     assert np.max(ratio) < 1.0 + 1e-9
 
 
+def test_a_box_around_a_sum_holds_it_though_its_middle_is_rounded() -> None:
+    """Neither sum is a long double, be it known exactly or not."""
+    for given, shift, remainder in (
+        (1.0, 2.0**-70, 0.0),
+        (1.0, 2.0**-70, 2.0**-80),
+        (1024.0, 2.0**-55, 0.0),
+        (1.0, 0.25, 0.0),
+    ):
+        (x,) = Nearly(*(np.full((1, 1), value) for value in (given, shift, remainder))).box()
+        off = abs(float(x.mid[0] - given - shift)) + abs(float(np.longdouble(given) - x.mid[0] + shift))
+
+        assert off + remainder <= (x.rounding + x.spread)[0] < 2.0**-60 * given
+
+
 def test_the_position_bound_is_sharp() -> None:
     ratios = []
     for c in good():

@@ -219,6 +219,8 @@ def test_straight_on_through_change_points_a_parallelogram_stays_one():
 
     assert [event.t for event in path.events] == pytest.approx(np.pi * np.arange(1, 5), abs=1e-13)
     assert np.max(off(path["rocker"].phi, path["crank"].phi)) < 1e-12
+    for there in path.bifurcations:
+        assert np.array_equal(path.tangents[there.index].q, there.incoming.q)
 
 
 def test_there_is_no_way_straight_on_without_a_way_in_or_a_way_out():

@@ -30,6 +30,7 @@ from refkin import (
 )
 from refkin.fast import attempt, sweep
 from refkin.fast.elimination import run
+from refkin.fast.prepare import prepared
 from refkin.fast.redundant import by_all_rows
 
 from .linkworks import chain
@@ -516,3 +517,18 @@ def test_near_a_singular_pose_rates_are_solved_anew_and_elsewhere_they_stay(leve
 
     for level, x, y in zip(corrected, right, off, strict=False):
         assert level == pytest.approx(np.where(np.isin(np.arange(5), near), x, y), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("doubt", [{}, {"ok": [True, False]}, {"bits": [53, 113]}, {"contradiction": [0.0, 1.5]}])
+def test_there_are_no_radii_if_float64_does_not_prove_every_sample(monkeypatch, doubt):
+    ready, levels = (
+        prepared(ROCKER.scene(samples=2)),
+        dict.fromkeys(("position", "velocity", "acceleration"), np.zeros(2)),
+    )
+    proof = {"ok": [True, True], "bits": [53, 53], "contradiction": [0.0, 1.0], **levels, **doubt}
+    proof = SimpleNamespace(**{name: np.array(value) for name, value in proof.items()})
+    monkeypatch.setattr(answer, "radii", lambda *_: None)
+    monkeypatch.setattr(answer, "isolate_every_choice", lambda *_: proof)
+    some = [np.zeros((ready.system.n, 2))] * 3
+
+    assert (answer._certified(ready.system, ready.made, some, np.arange(2.0)) is None) is bool(doubt)
