@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from operator import ge
+from itertools import pairwise
 from typing import Any
 
 from refkin.errors import Fault
@@ -57,13 +57,12 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
     one_of = f"a body of the scene: {', '.join(filter(None, dict.fromkeys(names)))}"
-    finite = all(map(math.isfinite, times))
-    known = times if finite else tuple(filter(math.isfinite, times))
+    finite = all(math.isfinite(t) for t in times)
     if not times:
         yield Fault("times", [], "at least one time")
     if not finite:
         yield Fault("times", list(times), "finite times")
-    if any(map(ge, known, known[1:])):
+    if any(b <= a for a, b in pairwise(t for t in times if math.isfinite(t))):
         yield Fault("times", list(times), "strictly increasing times")
     if bodies_wanted is not None and not bodies_wanted:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
