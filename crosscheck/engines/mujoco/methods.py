@@ -30,6 +30,8 @@ COARSE, EVERY = 40, 4
 """One pose of so many is found before the others, from the one before it; at most so many."""
 LIMITS = (1e-2, 1e-4, 1e-8)
 """Largest correction at which Newton stops; it squares the error."""
+NEAR = 1e-4
+"""A Jacobian this near is taken for the next correction, too: what that leaves is about the product of both."""
 MOST_NEWTON = 12
 UNUSED = ("EQUALITY", "CONSTRAINT")
 """What of MuJoCo the batch has no need of, beside all that is no kinematics."""
@@ -101,18 +103,23 @@ class Samples:
         """
         free, held = self.free, self.held
         self.q[:] = guess
+        slope, off = None, np.inf
         for _ in range(MOST_NEWTON):
-            gap, jacobian = self._closure()
-            step = solved_rows(jacobian[..., free], gap)
+            gap, anew = self._gaps(), not off <= NEAR
+            slope = self._slopes()[..., free] if anew else slope
+            step = solved_rows(slope, gap)
             self.q[:, free] -= step
-            if np.max(np.abs(step)) <= self.limit:
+            size = np.max(np.abs(step))
+            off = size if anew else off
+            if off * size <= self.limit**2:
                 break
         else:
             self.q[np.max(np.abs(step), axis=1) > self.limit] = np.nan
         levels = [self.q.copy()]
         if order == 0:
             return levels
-        _, jacobian = self._closure()
+        self._gaps()
+        jacobian = self._slopes()
         self.v[:, held] = rates[0]
         self.v[:, free] = -solved_rows(jacobian[..., free], _times(jacobian[..., held], rates[0]))
         levels.append(self.v.copy())
@@ -126,12 +133,15 @@ class Samples:
         a[:, free] = -solved_rows(jacobian[..., free], drift + _times(jacobian[..., held], rates[1]))
         return [*levels, a]
 
-    def _closure(self) -> tuple[Any, Any]:
-        """Return the gaps of the loops (count, 2 L) and their Jacobians (count, 2 L, n)."""
+    def _gaps(self) -> Any:
+        """Take the poses to MuJoCo; return the gaps of the loops (count, 2 L)."""
         self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        gap = np.concatenate([self.sites[:, i, :2] - self.sites[:, j, :2] for i, j in self.ends], axis=1)
+        return np.concatenate([self.sites[:, i, :2] - self.sites[:, j, :2] for i, j in self.ends], axis=1)
+
+    def _slopes(self) -> Any:
+        """Return the Jacobians of the loops (count, 2 L, n) at the poses that MuJoCo was taken to last."""
         rows = [self._jacobian(i) - self._jacobian(j) for i, j in self.ends]
-        return gap, rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
+        return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
 
     def _jacobian(self, site: int) -> Any:
         body = int(self.model.site_bodyid[site])
