@@ -473,11 +473,14 @@ def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branch
     assert _first_unproved(sweep, times) == gap
 
 
-@pytest.mark.parametrize("half", [0.1, 1e-9])
-def test_a_crossing_in_the_middle_of_a_step_is_in_it_however_short_it_is(half):
-    """Poses beside it are found to the root of round-off, which is more than a short step moves."""
-    flat = math.pi - 0.5
-    sweep, _ = stepped(PARALLELOGRAM, ("open", "open"), (flat - half, flat + half))
+@pytest.mark.parametrize(("half", "slack"), [(0.1, 0.0), (1e-9, 0.0), (0.1, 2.0**-48)])
+def test_a_crossing_in_the_middle_of_a_step_is_in_it_however_short_it_is(half, slack):
+    """Poses beside it are found to the root of round-off, which is more than a short step moves.
+
+    A slack of mu = 2 EPS is none: of the angle pi, the largest coordinate, rounding is as much.
+    """
+    flat, linkage = math.pi - 0.5, replace(PARALLELOGRAM, ground=3.0 - slack)
+    sweep, _ = stepped(linkage, ("open", "open"), (flat - half, flat + half))
 
     assert step_over_crossing(sweep.system, sweep.t, np.array(sweep.q).T, [0]) == 0
 
