@@ -114,6 +114,22 @@ def test_a_reference_outside_both_proofs_is_named(
     assert told(differences(cases, again, ENGINES)) == expected
 
 
+@pytest.mark.parametrize(("steps", "red"), [(2.0, False), (4.0, True), (np.nan, True)])
+def test_a_number_may_be_rounded_once_more_on_each_side(cases: Any, again: Any, steps: float, red: bool) -> None:
+    """Without radii two steps of float64 are allowed, and no number that is gone."""
+    cases = copy.deepcopy(cases)
+    old, new = (some["crank-rocker open"]["reference"] for some in (cases, again))
+    old["certified_radius"]["position"] = new["certified_radius"]["position"] = [0.0] * 7
+    new["position"][2][3] += steps * np.spacing(new["position"][2][3])
+
+    assert bool(differences(cases, again, ENGINES)) is red
+
+
+def test_digits_are_kept_in_tenths_the_median_and_the_worst_of_all_samples() -> None:
+    assert golden._digits({0: {153: 2, 120: 1}, 1: {147: 1, 130: 1}}) == [14.7, 12.0]
+    assert golden._digits({0: {}}) is None
+
+
 def test_a_status_that_changed_is_named(cases: Any, again: Any) -> None:
     again["slider-crank"]["reference"]["status"][3] = "singular"
 
