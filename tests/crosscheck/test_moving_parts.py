@@ -225,6 +225,18 @@ def test_what_is_as_tall_as_its_picture_is_not_made_larger_to_be_turned() -> Non
     assert abs(start[1] - ground[1]) == pytest.approx((HEIGHT - 2 * MARGIN) / 3, abs=TENTHS)
 
 
+@pytest.mark.parametrize("entry", [3, 4], ids=["to the right", "upwards"])
+def test_in_the_plane_a_shift_of_less_than_a_rounding_is_magnified_as_well(entry: int) -> None:
+    scene, motion = solved(PLANE)
+    off = np.zeros((9, 9))
+    off[entry] = 1e-20
+    mark = drawing_of(scene, motion).ghost(DrawnSample(3, 9.0, off), 0)
+    assert mark is not None
+
+    limit = VISIBLE * WIDTH / (page(scene, motion)[1] * scene.mechanism.size() * 1e-20)
+    assert limit / 2.51 < mark["factor"] <= limit
+
+
 @pytest.mark.parametrize("entry", [1, 4], ids=["shifted", "turned"])
 def test_in_space_an_error_is_magnified_as_far_as_it_stays_a_small_one_that_can_be_seen(entry: int) -> None:
     """The shift of the coupler, or a part of its Euler parameters: half of what it turns by."""
@@ -244,5 +256,7 @@ def test_in_space_an_error_is_magnified_as_far_as_it_stays_a_small_one_that_can_
     assert mark["cycle"]["factor"] == pytest.approx(factor)
     assert mark["ghost"] != mark["pose"]
     of_coupler = {n for n, (one, other) in enumerate(zip(mark["pose"], mark["ghost"], strict=True)) if one != other}
-    assert 1 in of_coupler  # its bar
+    assert 1 in of_coupler  # its bar, which is as long as it was
+    pose, ghost = ([100.0 * bar[3], bar[5] - bar[4]] for bar in (mark["pose"][1], mark["ghost"][1]))
+    assert math.hypot(*ghost) == pytest.approx(math.hypot(*pose), abs=TENTHS)
     assert len(of_coupler) <= 3  # and its two pins
