@@ -432,6 +432,11 @@ def test_common_roots_of_forms_are_all_found_once():
     assert np.max(np.abs(np.abs(result) - 3**-0.5)) < 1e-14
 
 
+def test_forms_have_no_common_root_where_least_squares_satisfy_but_one_of_them():
+    """a^2 = b^2 by symmetry; a^2 + b^2 is c^2 and 3 c^2 for none."""
+    assert _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, -3.0])]) == ()
+
+
 def test_a_driver_of_another_coordinate_takes_the_row_of_one_that_is_there():
     scene = at(LIMITED, 0.5)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
