@@ -176,17 +176,19 @@ def test_what_is_not_called_for_is_not_reported():
 
 @pytest.mark.parametrize(("converged", "away", "taken"), [(True, 0.1, True), (True, 1.0, False), (False, 0.1, False)])
 def test_a_branch_ends_in_a_singular_pose_only_if_newton_came_to_one_nearby(monkeypatch, converged, away, taken):
+    """Where no step stays on the branch, down to the last that leads to a later time in float64."""
     m = ROCKER.scene().mechanism
     system, q = compile_system(m, unit=m.unit()), np.zeros(9)
     reached = q + away * (np.arange(9) == 4)
-    result = SimpleNamespace(converged=converged, q=reached)
-    monkeypatch.setattr(analysis, "position", lambda *_, **__: result)
+    result, tried = SimpleNamespace(converged=converged, q=reached), []
+    monkeypatch.setattr(analysis, "position", lambda _system, _q, to, **_: tried.append(to) or result)
     monkeypatch.setattr(analysis, "velocity", lambda *_: np.zeros(9))
     monkeypatch.setattr(analysis, "_stays", lambda *_: False)
     monkeypatch.setattr(analysis, "sigma_min", lambda *_: 0.0)
-    pose, goes_on = analysis._next(system, q, 0.0, 1.0)
+    pose, goes_on = analysis._next(system, q, 100.0, 101.0)
 
     assert not goes_on
+    assert 100.0 < min(tried) < 100.0 + 1e-13
     assert np.array_equal(np.broadcast_to(pose, 9), reached) is taken
 
 
