@@ -102,25 +102,28 @@ def test_an_engine_that_was_not_asked_is_not_missed(cases: Any, again: Any) -> N
 
 
 @pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
-@pytest.mark.parametrize(("radii", "red"), [(0.5, False), (5.0, True)])
+@pytest.mark.parametrize(("radii", "red"), [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize(("row", "unit"), [(3, 4.0), (5, 1.0)], ids=["x", "angle"])
 def test_a_reference_outside_both_proofs_is_named(
-    cases: Any, again: Any, quantity: str, radii: float, red: bool
+    cases: Any, again: Any, quantity: str, radii: float, red: bool, row: int, unit: float
 ) -> None:
-    answer = again["crank-rocker open"]["reference"]
-    size = 4.0  # the power of two nearest the longest link: what radii are in units of
-    answer[quantity][2][3] += radii * size * 2 * answer["certified_radius"][quantity][2]
+    """Radii of lengths are in units of the size, the power of two nearest the longest link."""
+    cases = copy.deepcopy(cases)
+    old, new = (some["crank-rocker open"]["reference"] for some in (cases, again))
+    old["certified_radius"][quantity] = new["certified_radius"][quantity] = [1e-6] * 7
+    new[quantity][2][row] += radii * unit * 2e-6
 
     expected = [("crank-rocker open", "refkin", quantity, "the reference has left its proof")] if red else []
     assert told(differences(cases, again, ENGINES)) == expected
 
 
-@pytest.mark.parametrize(("steps", "red"), [(2.0, False), (4.0, True), (np.nan, True)])
+@pytest.mark.parametrize(("steps", "red"), [(3.0, False), (4.0, True), (np.nan, True)])
 def test_a_number_may_be_rounded_once_more_on_each_side(cases: Any, again: Any, steps: float, red: bool) -> None:
-    """Without radii two steps of float64 are allowed, and no number that is gone."""
+    """Without radii 3.4 steps of float64 are allowed at 1.7, and no number that is gone."""
     cases = copy.deepcopy(cases)
     old, new = (some["crank-rocker open"]["reference"] for some in (cases, again))
     old["certified_radius"]["position"] = new["certified_radius"]["position"] = [0.0] * 7
-    new["position"][2][3] += steps * np.spacing(new["position"][2][3])
+    old["position"][2][3], new["position"][2][3] = 1.7, 1.7 + steps * 2.0**-52
 
     assert bool(differences(cases, again, ENGINES)) is red
 
