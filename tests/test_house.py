@@ -93,7 +93,7 @@ def test_source_and_tests_stay_as_long_as_they_are():
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
     assert size["refkin"] + size["crosscheck"] <= 57_050
-    assert size["tests"] <= 42_337
+    assert size["tests"] <= 42_348
 
 
 ALL = ("refkin", "crosscheck", "tests")

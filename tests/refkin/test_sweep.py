@@ -485,6 +485,17 @@ def test_a_crossing_in_the_middle_of_a_step_is_in_it_however_short_it_is(half, s
     assert step_over_crossing(sweep.system, sweep.t, np.array(sweep.q).T, [0]) == 0
 
 
+@pytest.mark.parametrize(("turns", "met"), [(0, 2), (1, None)])
+def test_a_crossing_is_in_the_step_that_has_its_time_and_its_pose(turns, met):
+    """Found from steps beside it; not in one whose coupler is a whole turn further."""
+    times = math.pi - 0.5 + np.array([-0.5, -0.4, -0.1, 0.1, 0.4, 0.5])
+    sweep, _ = stepped(PARALLELOGRAM, ("open",) * 6, times)
+    q = np.array(sweep.q).T
+    q[5, 2:4] += turns * math.tau
+
+    assert step_over_crossing(sweep.system, sweep.t, q, [0, 4, 2]) == met
+
+
 def test_the_worse_of_two_bounds_widens_a_tube():
     """Two poses that are known well are linked; with one of them known to half a radian nothing is proved."""
     sweep, _ = stepped(ROCKER, ("open", "open"), (0.0, 0.02))
