@@ -9,10 +9,10 @@ engine of a user's own appears in every table, and need say no more than its rou
 from __future__ import annotations
 
 import os
+import pickle
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -190,7 +190,7 @@ class Method:
             engine, route = self.asked
             _by_its_table(engine, scene)
             with undisturbed():
-                answer: Motion = engine.solve(deepcopy(scene), route)
+                answer: Motion = engine.solve(copied(scene), route)
             return answer
         model, order = self.model(scene), order_of(scene)
         who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), self.engine)
@@ -292,6 +292,12 @@ def method(engine: str | Engine, name: str, setting: str = "") -> Method:
     raise EngineError(f"{engine} has no method {name!r} with setting {setting!r}")
 
 
+def copied(scene: Scene) -> Scene:
+    """Return an equal scene, all of it anew; `deepcopy` takes five times as long."""
+    new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
+    return new
+
+
 def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
     """Return a method for each route of an engine, and for those of hard cases, features and effects alone."""
     listed = [_of_route(engine, route, uses) for route in engine.routes()]
@@ -325,7 +331,7 @@ def _by_its_table(engine: Any, scene: Scene) -> None:
 def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
     """Return a scene as an engine takes it that has no model apart from its answer."""
     _by_its_table(engine, scene)
-    plain = deepcopy(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+    plain = copied(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
 
     def asked(order: int) -> Motion:
         with undisturbed():

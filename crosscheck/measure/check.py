@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import pickle
 import sys
 import time
 from collections import Counter
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints, terms_of
-from crosscheck.engines.methods import Use, methods, undisturbed
+from crosscheck.engines.methods import Use, copied, methods, undisturbed
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import (
     ABSOLUTE,
@@ -142,7 +141,7 @@ class _Subject:
     @cached_property
     def handed(self) -> Scene:
         """The scene as engines are handed it: nothing that one does to it reaches the reference or the judge."""
-        return _copied(self.scene)
+        return copied(self.scene)
 
     @cached_property
     def turned_round(self) -> Scene:
@@ -220,12 +219,6 @@ def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:
         RefusalRow(engine=engine.name, joint=key, name=name, level=level.value, reason=reason)
         for key, name, reason in refused_joints(engine, scene.mechanism.constraints, level)
     ]
-
-
-def _copied(scene: Scene) -> Scene:
-    """Return an equal scene, all of it anew; `deepcopy` takes five times as long."""
-    new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
-    return new
 
 
 def estimated(scene: Scene, ref: Reference) -> Scene:
@@ -352,7 +345,7 @@ def _turned_round(engine: Engine, method: Route, subject: _Subject, terms: Seque
     asked = slice(len(fewer.times))
     try:
         with undisturbed():
-            motion = engine.solve(_copied(fewer), method)
+            motion = engine.solve(copied(fewer), method)
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)

@@ -17,7 +17,6 @@ import json
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ import numpy as np
 
 from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import EngineError, load, terms_of
-from crosscheck.engines.methods import OURS, PRICED
+from crosscheck.engines.methods import OURS, PRICED, copied
 from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
 from crosscheck.measure.check import estimated
@@ -186,7 +185,7 @@ def pictured(job: Job) -> dict[str, Any] | None:
 def _answers(spec: str, methods: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
     """Yield what methods of an engine answer to a scene, compared with the reference."""
     engine = load(spec)
-    scene = deepcopy(estimated(ref.scene, ref))
+    scene = copied(estimated(ref.scene, ref))
     for method in engine.routes():
         if method.name in methods:
             try:
