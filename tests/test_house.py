@@ -93,7 +93,7 @@ def test_source_and_tests_stay_as_long_as_they_are():
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
     assert size["refkin"] + size["crosscheck"] <= 57_050
-    assert size["tests"] <= 42_348
+    assert size["tests"] <= 42_353
 
 
 ALL = ("refkin", "crosscheck", "tests")
@@ -308,16 +308,21 @@ def test_a_regular_pose_is_told_from_a_singular_one_by_one_threshold():
     assert analysis.SINGULAR == poses.SINGULAR
 
 
-def test_the_round_off_rule_and_attainable_digits_have_one_definition():
-    attainable = {
-        module
-        for module, path in modules().items()
-        for node in ast.walk(tree(path))
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("attainable")
-    }
-
+def test_the_round_off_rule_has_one_definition():
     assert assigned("ROUND_OFF") == {"refkin.newton"}
-    assert attainable == {"crosscheck.judge.samples", "crosscheck.judge.truth"}
+
+
+FROM_THE_TRUTH = {"crosscheck.judge.truth", "crosscheck.judge.prices", "crosscheck.report.measured"}
+FROM_THE_TRUTH |= {"crosscheck.measure.price_process", "crosscheck.measure.price", "crosscheck.report.prices"}
+FROM_THE_TRUTH |= {"crosscheck.commands.price", "crosscheck.problems.export", "crosscheck.commands.documents"}
+
+
+def test_attainable_is_one_thing_half_an_ulp_of_what_is_given():
+    """One function says what it is, and who says the word has it from there."""
+    texts = {module: path.read_text(encoding="utf-8") for module, path in modules().items()}
+
+    assert "".join(texts.values()).count("def attainable") == 1
+    assert {module for module, text in texts.items() if "attainable" in text.lower()} == FROM_THE_TRUTH
 
 
 SHARED = 6

@@ -93,7 +93,7 @@ def rows_table(record: Record) -> Table:
 
 
 def arbiter_table(record: Record) -> Table:
-    """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
+    """Return where each answer lies by the certificate: at how many times, and the farthest, in least errors."""
     rows = []
     for answer in record.answers:
         certificate = answer.certificate

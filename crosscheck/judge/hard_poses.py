@@ -51,7 +51,7 @@ GRANTED = 20.0
 scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). What a singular pose makes of a
 tolerance beyond that is what is looked for."""
 TOO_WIDE = 0.1
-"""An attainable error above this says nothing [rad, sizes]: a linkage that folds up is free there."""
+"""A least error above this says nothing [rad, sizes]: a linkage that folds up is free there."""
 
 
 class HardOutcome(StrEnum):
@@ -67,7 +67,7 @@ class HardOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class Solutions:
-    """What is proved of one time: `roots` as balls with what is attainable at each; none at all if `gap` is known."""
+    """What is proved of one time: `roots` as balls with the least error at each; none at all if `gap` is known."""
 
     roots: tuple[tuple[tuple[Any, ...], Any], ...]
     gap: float | None = None

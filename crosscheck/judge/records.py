@@ -125,14 +125,14 @@ class MethodData(Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class EnclosedTimes(Strict):
-    """At how many times an answer lies inside and outside of what is attainable, by the certificate at 113 bits."""
+    """At how many times an answer lies within the least error of the certified pose (113 bits), and beyond it."""
 
     inside: NonNegativeInt
     outside: NonNegativeInt
     undecidable: NonNegativeInt
     no_answer: NonNegativeInt
     radii: float | None = None
-    """The farthest, in attainable radii."""
+    """The farthest, in least errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,8 +187,8 @@ class ReferenceRow(Strict):
     sigma_per_step : float or None
         The smallest sigma_min of a step over what a coordinate changes by in it.
     sharpness : dict
-        Of some scenes, by quantity: the largest component of what is allowed over that of what is attainable, and the
-        smallest of any component, at one time (`crosscheck.judge.samples`).
+        Of some scenes, by quantity: the largest component of what is allowed over that of the sensitivity to the input,
+        and the smallest of any component, at one time (`crosscheck.judge.samples`).
     excuse : (time, sigma_min) or None
         A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
     """
@@ -204,7 +204,7 @@ class ReferenceRow(Strict):
     sharpness: dict[str, tuple[float, float]] = field(default_factory=dict)
     certified_radius: dict[str, float | None] = field(default_factory=dict)
     common: Common | None = None
-    attainable_by_sigma: dict[str, By] = field(default_factory=dict)
+    rounding_by_sigma: dict[str, By] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,10 @@
 All of it falls out of comparisons that are made anyway. Every answer is kept by itself, so that a scene whose engines
 are asked one by one has the same record.
 
-Sharpness is what is allowed over what is attainable: how far the true solution moves when every number of a scene, its
-time included, moves by one ulp up or down at random, for an error that large says nothing about a code. The largest of
-a few such draws is taken. The equations of the moved scene are evaluated with `BITS` bits at the solution of the scene
-as it is written, and one correction each solves them: what is left out is of second order.
+Sharpness is what is allowed over the sensitivity to the input: how far the true solution moves when every number of a
+scene, its time included, moves by one ulp up or down at random, for an error that large says nothing about a code. The
+largest of a few such draws is taken. The equations of the moved scene are evaluated with `BITS` bits at the solution of
+the scene as it is written, and one correction each solves them: what is left out is of second order.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def reference_row(ref: Reference, seconds: float) -> ReferenceRow:
         residual=largest(motion.residual),
         certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
         common=ref.common,
-        attainable_by_sigma={q: by_decade(ref.decades, digits) for q, digits in attainable_digits(ref).items()},
+        rounding_by_sigma={q: by_decade(ref.decades, digits) for q, digits in rounding_digits(ref).items()},
         seconds=seconds,
     )
 
@@ -80,19 +80,19 @@ def _sigma_per_step(ref: Reference) -> float | None:
     return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
-def attainable_digits(ref: Reference) -> dict[str, Any]:
-    """Return, per quantity, the digits (T,) that the rounding of numbers and formulas leaves, by first order.
+def rounding_digits(ref: Reference) -> dict[str, Any]:
+    """Return, per quantity, the digits (T,) that rounding leaves to one evaluation of the formulas, by first order.
 
     It is the budget of an engine that adds nothing, without the safety factor; NaN where no budget is derived.
     """
     budget = ref.budget()
-    attained = {}
+    left = {}
     for level, quantity in enumerate(QUANTITIES):
         allowed = np.max(budget.levels[level], axis=0) / SAFETY
         with np.errstate(divide="ignore", invalid="ignore"):
             digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels[level], level)))
-        attained[quantity] = np.where(budget.judged, digits, np.nan)
-    return attained
+        left[quantity] = np.where(budget.judged, digits, np.nan)
+    return left
 
 
 def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
@@ -154,27 +154,27 @@ DRAWS = 8
 
 
 def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, tuple[Any, Any]]:
-    """Return allowed over attainable, by quantity, at some of the times; those without a budget are left out.
+    """Return allowed over sensitivity, by quantity, at some of the times; those without a budget are left out.
 
     Returns
     -------
     dict of str to (array, array)
-        Per time, the largest component of what is allowed over the largest of what is attainable: how loose the budget
-        is; and the smallest allowed over attainable of any component: errors of so many times the attainable are seen.
+        Per time, the largest component of what is allowed over the largest of the sensitivity: how loose the budget is;
+        and the smallest allowed over sensitivity of any component: errors of so many times the sensitivity are seen.
     """
     budget = ref.budget()
     chosen = [k for k in lanes if budget.judged[k]]
-    moved = attainable_by_inputs(ref, chosen)
+    moved = input_sensitivity(ref, chosen)
     by_quantity = {}
-    for quantity, level, attainable in zip(QUANTITIES, budget.levels, moved, strict=True):
+    for quantity, level, sensitivity in zip(QUANTITIES, budget.levels, moved, strict=True):
         allowed = level[:, chosen]
         with np.errstate(divide="ignore", over="ignore"):
-            smallest = np.min(allowed / attainable, axis=0)
-        by_quantity[quantity] = np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest
+            smallest = np.min(allowed / sensitivity, axis=0)
+        by_quantity[quantity] = np.max(allowed, axis=0) / np.max(sensitivity, axis=0), smallest
     return by_quantity
 
 
-def attainable_by_inputs(ref: Reference, lanes: Sequence[int]) -> Any:
+def input_sensitivity(ref: Reference, lanes: Sequence[int]) -> Any:
     """Return the largest move of position, velocity and acceleration, (3, n, len(lanes)), in scaled coordinates.
 
     Where the largest component moves by less than its own rounding, which no answer goes without, it moves by that.

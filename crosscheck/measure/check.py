@@ -237,7 +237,7 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
 
 
 def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTimes:
-    """Return at how many times a motion lies inside and outside of what is attainable, and how far."""
+    """Return at how many times a motion lies within the least error of the pose and beyond it, and how far."""
     ref, terms = subject.ref, terms_of(engine, subject.scene, motion.producer.route)
     samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
     judged = [sample.judgement for sample in samples_of if sample.judgement is not None]

@@ -35,7 +35,7 @@ from refkin.scenes.files import parse, to_dict, to_toml
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.solving.solve import solve
 
-SCHEMA = 2
+SCHEMA = 3
 LOST = 0.5
 """Digits that an engine may lose in a case."""
 LUCK = 1 / SAFETY
@@ -74,7 +74,7 @@ def golden_scenes() -> dict[str, Scene]:
 
 
 def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
-    """Return scene, reference, attainable digits and those of every method, by the name of the case."""
+    """Return scene, reference, the digits that rounding leaves and those of every method, by the name of the case."""
     for name, scene in scenes.items():
         workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
     records: dict[str, Record] = {}
@@ -103,11 +103,11 @@ def _plain(values: Any) -> Any:
 
 
 def _measured(record: Record) -> dict[str, Any]:
-    """Return the digits {quantity: [median, worst]} that rounding leaves attainable, and those of each method.
+    """Return the digits {quantity: [median, worst]} that rounding leaves to one evaluation, and those of each method.
 
     A quantity without a digit is None; a method has its largest error / allowed as well.
     """
-    left = record.reference.attainable_by_sigma if record.reference else {}
+    left = record.reference.rounding_by_sigma if record.reference else {}
     methods = {
         f"{answer.engine} · {answer.method.name}": {
             "missing": answer.missing,
@@ -116,7 +116,7 @@ def _measured(record: Record) -> dict[str, Any]:
         }
         for answer in record.answers
     }
-    return {"attainable": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "methods": methods}
+    return {"rounding": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "methods": methods}
 
 
 def _digits(by_sigma: By) -> list[float] | None:
@@ -135,7 +135,7 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
         for who, digits in case["methods"].items():
             engine, _, method = who.partition(" · ")
             if engine in engines:
-                lost += _digits_lost(engine, method, digits, now[name]["methods"].get(who), case["attainable"])
+                lost += _digits_lost(engine, method, digits, now[name]["methods"].get(who), case["rounding"])
         worse += [NewCase(disagreement=disagreement, key=f"golden-{slug(name)}", case=name) for disagreement in lost]
     return worse
 
@@ -164,7 +164,7 @@ def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
 
 
 def _digits_lost(
-    engine: str, method: str, before: Case, now: Case | None, attainable: Mapping[str, Sequence[float] | None]
+    engine: str, method: str, before: Case, now: Case | None, rounding: Mapping[str, Sequence[float] | None]
 ) -> Iterator[Disagreement]:
     """Yield the quantities in which a method is worse than it was, and than rounding alone may make it."""
     who: dict[str, Any] = {"engine": engine, "method": method, "kind": Cause.DIGITS_LOST}
@@ -178,7 +178,7 @@ def _digits_lost(
         # The digits of a case hold an engine to rounding, whatever terms of its own it has. Its ratio is taken sample
         # by sample, and also tells where the digits of the sample that is hardest would hide the others.
         beyond = (now["ratio"].get(quantity) or 0.0) > LUCK
-        places = zip(old, new or (), attainable.get(quantity) or new or (), strict=False)
+        places = zip(old, new or (), rounding.get(quantity) or new or (), strict=False)
         if new is None or any(a - b > LOST and (beyond or b < least) for a, b, least in places):
             digits_now = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
             became = f"digits {old[0]:.1f} / {old[1]:.1f} became {digits_now}"

@@ -2,8 +2,8 @@
 
 It begins with the worst scenes of a night, and with what Hypothesis derives from each. Then each stratum takes its
 turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
-method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in attainable
-radii, which is known where a budget of first order says nothing. A ratio above 1 is an error of the engine, or a term
+method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in least
+errors, which is known where a budget of first order says nothing. A ratio above 1 is an error of the engine, or a term
 missing from the budget.
 """
 
@@ -36,7 +36,7 @@ SAMPLES = 12
 A_TURN = 40
 """Scenes of a stratum before the next has its turn."""
 CERTIFICATE = "certificate"
-"""The quantity whose ratio is the distance from the enclosure of the position, in attainable radii."""
+"""The quantity whose ratio is the distance from the enclosure of the position, in least errors."""
 
 Target = tuple[str, str, str]
 """Engine, method, quantity."""

@@ -45,7 +45,7 @@ def looks_of(report: Report) -> dict[tuple[str, str], Style]:
 
 
 def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
-    """Return digits against sigma_min: a panel per quantity, a line per engine and method, the attainable band.
+    """Return digits against sigma_min: a panel per quantity, a line per method, the band that rounding leaves.
 
     `line` is what is drawn: "digits_worst", whose marks have a picture each, or "digits_median".
     """
@@ -59,7 +59,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
     panels = []
     for quantity in SOLVED if bins else ():
         plot = _digits_axes(quantity, line, span, floor)
-        _attainable_band(plot, report["attainable"].get(quantity, {}), floor)
+        _rounding_band(plot, report["rounding"].get(quantity, {}), floor)
         for k, (name, look) in enumerate(looks.items()):
             # Engines agree to the digit in most bins: each stands a little beside the others, inside its decade.
             aside = 0.5 + 0.6 * ((k + 0.5) / len(looks) - 0.5)
@@ -77,17 +77,17 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
             plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
         panels.append(plot.markup())
     legend = [(swatch(look), " · ".join(name)) for name, look in looks.items()]
-    if any(report["attainable"].values()):
-        legend.append((BAND, "attainable (bound), 1 % to median"))
+    if any(report["rounding"].values()):
+        legend.append((BAND, "rounding leaves (bound), 1 % to median"))
     if blanks and line == "digits_worst":
         legend.append((swatch(NO_ANSWER, line=False), "at the foot: no answer"))
     numbers = {"median": "digits_median", "1st percentile": "digits_p01", "worst": "digits_worst"}
-    head = ("engine · method", "quantity", "sigma min", "samples", *numbers, "attainable, median")
+    head = ("engine · method", "quantity", "sigma min", "samples", *numbers, "rounding leaves, median")
     rows = []
     for b in bins:
-        attainable = report["attainable"].get(b.quantity, {}).get(str(b.decade), {}).get("digits_median")
+        left = report["rounding"].get(b.quantity, {}).get(str(b.decade), {}).get("digits_median")
         shown_digits = (b.digits["samples"], *map(b.digits.get, numbers.values()))
-        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *shown_digits, attainable))
+        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *shown_digits, left))
     return Figure(tuple(panels), tuple(legend), head, tuple(rows))
 
 
@@ -117,8 +117,8 @@ def _digits_axes(quantity: str, line: str, span: tuple[int, int], floor: float) 
     return plot
 
 
-def _attainable_band(plot: Plot, band: Mapping[str, Any], floor: float) -> None:
-    """Shade, decade by decade, from the attainable digits of one sample in a hundred to those of the median one.
+def _rounding_band(plot: Plot, band: Mapping[str, Any], floor: float) -> None:
+    """Shade, decade by decade, from what rounding leaves to one sample in a hundred to what to the median one.
 
     The very worst is that of a rate that passes through zero, where no relative error says anything.
     """

@@ -162,7 +162,7 @@ class Summary:
             "failures_total": len(self.failures),
             "notes": self._notes(versions, engines, answering),
             "reference": {**self.reference.described(), "failures": self.reference_failures},
-            "attainable": {quantity: d.described_by_sigma() for quantity, d in self.peers.attainable.items()},
+            "rounding": {quantity: d.described_by_sigma() for quantity, d in self.peers.rounding.items()},
             "agreement": self.peers.agreement_described(),
             "poses": self.pictures.model_dump() if self.pictures else PICTURES,
             "engines": {engine: self._engine(engine) for engine in engines},

@@ -130,11 +130,11 @@ Who = tuple[str, str]
 
 
 class Peers:
-    """Digits to which each two answers agree (one number per scene), and the attainable digits by decade."""
+    """Digits to which each two answers agree (one number per scene), and those that rounding leaves by decade."""
 
     def __init__(self) -> None:
         self.pairs: dict[tuple[Who, Who], list[Counter[int]]] = {}
-        self.attainable: dict[str, Digits] = {}
+        self.rounding: dict[str, Digits] = {}
 
     def add(self, record: Record) -> None:
         """Count one scene."""
@@ -147,9 +147,9 @@ class Peers:
                 digits = _agreeing(one, other, quantity, scale, turns)
                 if digits is not None:
                     of_quantity[math.floor(10 * digits)] += 1
-        for quantity, histograms in (record.reference.attainable_by_sigma if record.reference else {}).items():
+        for quantity, histograms in (record.reference.rounding_by_sigma if record.reference else {}).items():
             for decade, histogram in histograms.items():
-                self.attainable.setdefault(quantity, Digits()).add(decade, histogram)
+                self.rounding.setdefault(quantity, Digits()).add(decade, histogram)
 
     def agreement_described(self) -> list[dict[str, Any]]:
         """Return one row per pair: for each quantity the median over scenes and the worst scene."""
@@ -249,7 +249,7 @@ class ReferenceTotals:
 
 
 def _sharpness(met: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Return how many attainable errors a planted one has that is seen: somewhere, in half of the scenes, in all."""
+    """Return how many sensitivities a planted error has that is seen: somewhere, in half of the scenes, in all."""
     seen = sorted(smallest for _, smallest in met)
     return {
         "scenes": len(met),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
-from crosscheck.judge.samples import _corrections, attainable_by_inputs, sharpness
+from crosscheck.judge.samples import _corrections, input_sensitivity, sharpness
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.motion_laws import Polynomial
@@ -19,7 +19,7 @@ MEDIAN, LARGEST, LARGEST_OF_TREES = 50.0, 500.0, 1000.0
 """Errors add up over the loops of a branching tree of thirteen bodies, where their directions do not; and over the
 products of three terms, and seven coordinates a body, of space: 546 for a double Hooke joint."""
 PLANTED = 10.0
-"""Times the attainable error."""
+"""Times the sensitivity to the input."""
 
 
 @cache
@@ -38,19 +38,19 @@ def sharp():
     return {q: np.concatenate([b[q][0] for b in values]) for q in QUANTITIES}
 
 
-def seen(ref, quantity: str, times_attainable: float) -> bool:
-    """Whether an answer that is right but for one quantity, off by so many attainable errors, is found out."""
+def seen(ref, quantity: str, sensitivities: float) -> bool:
+    """Whether an answer that is right but for one quantity, off by so many times the sensitivity, is found out."""
     lanes = np.flatnonzero(ref.budget().judged)
     order = QUANTITIES.index(quantity)
     off = np.zeros_like(ref.levels[order])
-    off[:, lanes] = times_attainable * attainable_by_inputs(ref, lanes)[order]
+    off[:, lanes] = sensitivities * input_sensitivity(ref, lanes)[order]
     off = ref.system.to_physical(off, 1)[: ref.system.of_bodies]  # as a rate: a difference has no origin
     key = ("q", "qd", "qdd")[order]
     return not compare(ref, replace(ref.motion, **{key: getattr(ref.motion, key) + off})).agrees
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
+def test_a_budget_allows_a_small_multiple_of_the_sensitivity(quantity):
     assert np.median(sharp()[quantity]) < MEDIAN
     large = [len(m.bodies) > 7 or m.kind.name == "spatial" for m in (ref.scene.mechanism for ref in references())]
     trees = np.array([one for one, ref in zip(large, references(), strict=True) for _ in lanes(ref)])
@@ -59,19 +59,19 @@ def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_no_budget_is_below_what_is_attainable(quantity):
+def test_no_budget_is_below_the_sensitivity(quantity):
     assert np.min(sharp()[quantity]) > 1.0
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
-def test_an_error_of_ten_times_the_attainable_one_is_seen(quantity):
+def test_an_error_of_ten_times_the_sensitivity_is_seen(quantity):
     caught = sum(seen(ref, quantity, PLANTED) for ref in references())
 
     assert caught >= SCENES / 20
     assert sum(seen(ref, quantity, 1.0) for ref in references()) == 0
 
 
-def test_what_is_attainable_is_what_the_solution_moves_by():
+def test_the_sensitivity_is_what_the_solution_moves_by():
     """One number moves by 1e-9 of itself: the solutions before and after differ by what the correction says."""
     linkage = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
     law = Polynomial(coefficients=(0.3, 1.0, 0.25))

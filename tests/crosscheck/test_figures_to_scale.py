@@ -87,7 +87,7 @@ def digits_of(median: float, worst: float, samples: int = 3) -> dict[str, Any]:
     return {"samples": samples, "digits_median": median, "digits_p01": worst + 0.1, "digits_worst": worst}
 
 
-def digits_report(engines: Any, attainable: Any = None) -> dict[str, Any]:
+def digits_report(engines: Any, rounding: Any = None) -> dict[str, Any]:
     blank: dict[str, Any] = {name: {"digits_by_sigma": {}} for name in QUANTITIES}
     return {
         "engines": {
@@ -99,7 +99,7 @@ def digits_report(engines: Any, attainable: Any = None) -> dict[str, Any]:
             {"engine": "a", "method": "newton", "unanswered_by_sigma": {"-7": 2}},
             {"engine": "b", "method": "newton", "unanswered_by_sigma": {}},
         ],
-        "attainable": attainable or {},
+        "rounding": rounding or {},
     }
 
 

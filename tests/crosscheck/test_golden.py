@@ -78,7 +78,7 @@ def test_a_method_that_loses_more_than_half_a_digit_and_more_than_luck_is_named(
     cases: Any, again: Any, which: int, lost: float, beyond: float, ratio: float, red: bool
 ) -> None:
     cases = copy.deepcopy(cases)
-    left = cases["slider-crank"]["attainable"]["velocity"][which] - beyond
+    left = cases["slider-crank"]["rounding"]["velocity"][which] - beyond
     cases["slider-crank"]["methods"][ROUTE]["velocity"][which] = left + lost
     again["slider-crank"]["methods"][ROUTE]["velocity"][which] = left
     again["slider-crank"]["methods"][ROUTE]["ratio"]["velocity"] = ratio
@@ -140,7 +140,7 @@ def test_a_status_that_changed_is_named(cases: Any, again: Any) -> None:
     assert told(differences(cases, again, ENGINES)) == expected
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema": 2, "cases": {"a": {}}}', '{"schema": 1, "cases": {"a": {}}}'])
+@pytest.mark.parametrize("text", ["", "[]", '{"schema": 3, "cases": {"a": {}}}', '{"schema": 1, "cases": {"a": {}}}'])
 def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "b.json"
     path.write_text(text)
@@ -163,12 +163,12 @@ def test_a_night_without_losses_passes_and_says_that_the_set_was_compared(tmp_pa
     assert "golden set of 3 scenes: nothing worse" in page
 
 
-def expect_digits(file: Path, route: str, attainable: bool) -> None:
+def expect_digits(file: Path, route: str, rounding: bool) -> None:
     """Write a baseline in which a route had 15 digits of the rates, and perhaps rounding left as many."""
     held = golden.read(file)
     case, digits = held["cases"][HARD], {"velocity": [15.0, 15.0], "acceleration": [15.0, 15.0]}
     case["methods"][route] = {**case["methods"][ROUTE], **digits}
-    case["attainable"] |= digits if attainable else {}
+    case["rounding"] |= digits if rounding else {}
     file.write_text(json.dumps(held))
 
 
@@ -180,7 +180,7 @@ def test_a_planted_loss_fails_the_night_with_its_scene_and_still_does_when_the_p
 ) -> None:
     key = key_of(golden.golden_scenes()[HARD])
     spec = engine_file(tmp_path, after=f"if key == {key!r}: {LOSS}")
-    expect_digits(file, "fake · made up", attainable=False)
+    expect_digits(file, "fake · made up", rounding=False)
     outcome, report, page = night(tmp_path / "out", file, spec)
     lost = {d["quantity"] for d in report["disagreements"] if d["kind"] == "golden set: digits lost"}
 
@@ -192,7 +192,7 @@ def test_a_planted_loss_fails_the_night_with_its_scene_and_still_does_when_the_p
 
 
 def test_digits_that_are_fewer_by_luck_in_rounding_do_not_fail_the_night(tmp_path: Path, file: Path) -> None:
-    expect_digits(file, ROUTE, attainable=False)  # closed_form has ten of them, and 0.003 of what is allowed
+    expect_digits(file, ROUTE, rounding=False)  # closed_form has ten of them, and 0.003 of what is allowed
     _, report, _ = night(tmp_path / "out", file)
 
     assert (report["verdict"], report["golden"]["worse"]) == ("pass", [])
@@ -241,7 +241,7 @@ def test_nothing_is_accepted_without_being_asked(tmp_path: Path, command: Any) -
 
 
 def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, command: Any) -> None:
-    expect_digits(file, ROUTE, attainable=True)
+    expect_digits(file, ROUTE, rounding=True)
     before = file.read_bytes()
 
     code, out, _ = command("baseline", "--engines", "closed_form", "--file", file)
@@ -252,7 +252,7 @@ def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, comm
 
 
 def test_accepting_tells_what_is_worse_and_then_nothing_is(file: Path, command: Any) -> None:
-    expect_digits(file, ROUTE, attainable=True)
+    expect_digits(file, ROUTE, rounding=True)
 
     code, out, _ = command("baseline", "--accept", "--engines", "closed_form", "--file", file)
 

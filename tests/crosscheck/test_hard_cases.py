@@ -114,7 +114,7 @@ def test_a_gap_is_proved_and_is_the_one_that_was_made(gap):
 
 
 @pytest.mark.parametrize("case", TOGGLES, ids=lambda case: case.key)
-def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
+def test_two_least_errors_off_is_wrong_and_half_of_one_is_not(case):
     system, truth = truths(case)
     motion = refkin.solve(case.scene)
     for factor, verdict in ((0.5, HardOutcome.CORRECT), (2.0, HardOutcome.WRONG)):
@@ -164,7 +164,7 @@ def test_a_residual_hides_its_root_at_a_fold_and_itself_away_from_one():
     assert np.isinf(fold(0.0, 0.0, 1e-16))
 
 
-def test_what_is_attainable_covers_every_pose_with_a_residual_of_round_off():
+def test_the_least_error_covers_every_pose_with_a_residual_of_round_off():
     case = CASES["toggle, 1e-09"]
     system, truth = truths(case)
     t, (balls, allowed) = case.scene.times[-1], truth[-1].roots[0]
@@ -258,7 +258,7 @@ def test_the_enclosure_is_the_certificate_of_113_bits():
     assert all(x.overlaps(y) for x, y in zip(balls, enclosure.q, strict=True))
 
 
-def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
+def test_the_least_error_is_near_round_off_at_a_regular_pose():
     system, truth = truths(EASY)
     q = np.array([float(x) for x in truth[0].roots[0][0]])
 

@@ -153,7 +153,7 @@ def judged(scene: Scene) -> dict[str, Any]:
         "estimates": [body.estimate for body in estimated(unplaced(scene), ref).mechanism.bodies],
         "common": ref.common and asdict(ref.common),
         "decades": ref.decades,
-        "row": [reference_row(ref, 0.0).sigma_per_step, reference_row(ref, 0.0).attainable_by_sigma],
+        "row": [reference_row(ref, 0.0).sigma_per_step, reference_row(ref, 0.0).rounding_by_sigma],
         "budgets": [budget(ref, terms) for terms in (*TERMS, *([IN_FORM] if ref.motion.kind.width == 7 else []))],
         "compared": [compared(ref, motion, terms) for motion in (off, few) for terms in TERMS[:2]],
         "part": compared(

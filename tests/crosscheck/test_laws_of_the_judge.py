@@ -42,7 +42,7 @@ from crosscheck.judge.hard_poses import (
 )
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
 from crosscheck.judge.running_error import Running, U
-from crosscheck.judge.samples import attainable_by_inputs, histogram, sharpness
+from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
@@ -246,17 +246,17 @@ def test_a_bent_row_of_exact_numbers_may_be_off_by_the_rounding_of_its_square_an
 
 def test_a_budget_is_as_loose_as_its_largest_component_at_each_time():
     ref = solved()
-    budget, moved = ref.budget(), attainable_by_inputs(ref, [0, 1])
-    for quantity, attainable in zip(QUANTITIES, moved, strict=True):
+    budget, moved = ref.budget(), input_sensitivity(ref, [0, 1])
+    for quantity, sensitivity in zip(QUANTITIES, moved, strict=True):
         allowed, (largest, smallest) = budget.levels[QUANTITIES.index(quantity)], sharpness(ref, [0, 1])[quantity]
-        expected = [max(allowed[:, k]) / max(attainable[:, k]) for k in (0, 1)]
+        expected = [max(allowed[:, k]) / max(sensitivity[:, k]) for k in (0, 1)]
 
         assert largest == pytest.approx(expected)
-        assert np.all(smallest <= [min(allowed[:, k] / np.maximum(attainable[:, k], 1e-300)) for k in (0, 1)])
+        assert np.all(smallest <= [min(allowed[:, k] / np.maximum(sensitivity[:, k], 1e-300)) for k in (0, 1)])
 
 
 @pytest.mark.parametrize("crank", [1.0, 0.02])
-def test_what_is_attainable_holds_every_residual_of_round_off_at_a_regular_pose(crank):
+def test_the_least_error_holds_every_residual_of_round_off_at_a_regular_pose(crank):
     """Every corner of the residual's box moves the pose by |J^-1| e at most; not much more is granted."""
     ref = reference(
         FourBar(ground=4.0, crank=crank, coupler=3.5, rocker=3.0).scene(

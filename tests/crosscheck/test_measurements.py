@@ -51,7 +51,7 @@ HARD = {case.case: case for case in reversed(hard_cases())}
 
 
 def hard(shake: Shake, name: str) -> Any:
-    """Return what is attainable in a hard case, and what is said of answers that are near it and that are not."""
+    """Return the least error in a hard case, and what is said of answers that are near it and that are not."""
     case = HARD[name]
     case = replace(case, scene=replace(shake(case.scene), times=case.scene.times[:2]))
     system, truth = truths(case)

@@ -11,7 +11,7 @@ import pytest
 
 from crosscheck.judge.comparison import QuantityComparison, compare, decades_of, reference
 from crosscheck.judge.records import Cause, Disagreement, Unreadable, line_of, read_line
-from crosscheck.judge.samples import attainable_digits, by_decade, off_at, short
+from crosscheck.judge.samples import by_decade, off_at, rounding_digits, short
 from crosscheck.measure.check import check
 from crosscheck.night.sections import worst_sample
 from refkin import FourBar, Polynomial, solve
@@ -59,11 +59,11 @@ def test_common_sample_is_the_same_time_for_every_answer(scene, ref):
     assert pytest.approx(off_at(wrong, common), rel=0.01, abs=0.0) == [0.0] * 8 + [OFF]
 
 
-def test_attainable_digits_are_fewer_near_a_fold():
+def test_rounding_digits_are_fewer_near_a_fold():
     fold = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     limit = fold.input_range()[0][1]
     times = (limit - 1e-2, limit - 1e-6)
-    digits = attainable_digits(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
+    digits = rounding_digits(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
 
     for quantity in ("position", "velocity", "acceleration"):
         far, near = digits[quantity]

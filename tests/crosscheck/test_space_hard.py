@@ -43,14 +43,14 @@ def test_the_other_sign_of_p_and_another_passive_spin_are_no_error(answer: Motio
 
 
 @pytest.mark.parametrize("row", [4, 11, 18], ids=["crank", "coupler", "rocker"])
-def test_a_pose_beyond_what_is_attainable_is_wrong_in_every_body(answer: Motion, row: int) -> None:
+def test_a_pose_beyond_the_least_error_is_wrong_in_every_body(answer: Motion, row: int) -> None:
     q = answer.q.copy()
     q[row] += 1e-9
     outcome, note = classed(judged(COUPLER, replace(answer, q=q)))
     assert (outcome, "radii outside" in note) == (HardOutcome.WRONG, True)
 
 
-def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not() -> None:
+def test_two_least_errors_off_is_wrong_and_half_of_one_is_not() -> None:
     case = CASES["limit of an RSSR, 1e-09"]
     motion, (system, truth) = refkin.solve(case.scene), truths(case)
     balls, allowed = truth[-1].roots[0]
@@ -92,6 +92,6 @@ def test_a_gap_in_space_is_proved_and_is_the_one_that_was_made(gap: float) -> No
 
 
 @pytest.mark.parametrize("key", [key for key in CASES if key.startswith("gimbal")])
-def test_what_is_attainable_at_a_gimbal_pose_goes_with_the_ratio_of_the_speeds(key: str) -> None:
+def test_the_least_error_at_a_gimbal_pose_goes_with_the_ratio_of_the_speeds(key: str) -> None:
     _, truth = truths(CASES[key])
     assert 1e-17 < np.max(truth[-1].roots[0][1]) * float(key.split()[-1]) < 1e-13

@@ -175,13 +175,13 @@ def differenced(motion: Motion, scene: Scene) -> Motion:
 
 
 def planted(order: int) -> Fault:
-    """Return the fault of a level that is off by ten times what is attainable, everywhere."""
+    """Return the fault of a level that is off by ten times the sensitivity to the input, everywhere."""
 
     def fault(motion: Motion, scene: Scene) -> Motion:
         ref, key = reference(scene), ("q", "qd", "qdd")[order]
         off = np.zeros_like(ref.levels[order])
         lanes = np.flatnonzero(ref.budget().judged)
-        off[:, lanes] = 10.0 * attainable(scene)[order]
+        off[:, lanes] = 10.0 * sensitivity(scene)[order]
         physical = ref.system.to_physical(off, 1)  # as a rate: a difference has no origin
         rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
         return replace(motion, **{key: getattr(motion, key) + physical[rows]})
@@ -190,9 +190,9 @@ def planted(order: int) -> Fault:
 
 
 @cache
-def attainable(scene: Scene) -> Any:
+def sensitivity(scene: Scene) -> Any:
     ref = reference(scene)
-    return samples.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
+    return samples.input_sensitivity(ref, np.flatnonzero(ref.budget().judged).tolist())
 
 
 def one_driver_drops(motion: Motion, scene: Scene) -> Motion:
@@ -317,24 +317,24 @@ def test_a_small_night_sees_an_engine_with_one_fault(name):
 
 
 @pytest.mark.parametrize("order", [1, 2], ids=["velocity", "acceleration"])
-def test_a_small_night_sees_an_error_of_ten_times_the_attainable_one(order):
+def test_a_small_night_sees_an_error_of_ten_times_the_sensitivity(order):
     assert seen(planted(order), "beyond the allowed error")
 
 
 PLANT = """
         from crosscheck.judge.comparison import reference
-        from crosscheck.judge.samples import attainable_by_inputs
+        from crosscheck.judge.samples import input_sensitivity
         ref = reference(scene)
         judged = np.flatnonzero(ref.budget().judged)[::8]
         off = np.zeros((3, *ref.levels[0].shape))
-        off[:, :, judged] = 10.0 * attainable_by_inputs(ref, judged.tolist())
+        off[:, :, judged] = 10.0 * input_sensitivity(ref, judged.tolist())
         qd, qdd = (getattr(motion, key) + ref.system.to_physical(off[k], 1)[: ref.system.of_bodies]
                    for k, key in ((1, "qd"), (2, "qdd")))
         motion = replace(motion, qd=qd, qdd=qdd)
 """
 
 
-def test_a_real_night_sees_an_engine_whose_rates_are_off_by_ten_times_the_attainable(tmp_path):
+def test_a_real_night_sees_an_engine_whose_rates_are_off_by_ten_times_the_sensitivity(tmp_path):
     spec = engine_file(tmp_path, name="planted", after=PLANT.strip())
     night = run(NightPlan(seed=9, out=tmp_path / "night", engines=(spec,), scenes=12, workers=1, shrinking_seconds=0.0))
 
