@@ -23,12 +23,10 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.joints import initial_contacts, polar_cams
 from refkin.model import Effect, Scene
-from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, __version__, no_radius, point_motion
+from refkin.motion import SINGULAR, ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius, point_motion
 from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton, solve_linear
 from refkin.system import System, compile_system
 
-SINGULAR = 8 * np.sqrt(EPS)
-"""A pose is singular where sigma_min of the scaled phi_q is no larger: first-order terms do not isolate it."""
 NEAR, FURTHEST, REACH, MOST_STEPS = 1 / 4, 1.0, 1 / 4, 5000
 """Of a step: largest first correction / move, move, move onto a singular pose [sizes, rad]; steps to a time."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
@@ -112,7 +110,7 @@ def sweep(scene: Scene) -> Motion:
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
-    made = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
+    made = Producer.of_refkin("refkin.analysis", ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
     return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made, message=message, **evidence)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,12 @@ from refkin.model import Member
 
 Array = NDArray[np.float64]
 __version__ = "0.1.0"
+
+Quantity = Literal["position", "velocity", "acceleration"]
+QUANTITIES: tuple[str, ...] = get_args(Quantity)
+"""What is computed of a motion, by order."""
+SINGULAR = 2.0**-23
+"""A pose is singular where sigma_min of scaled phi_q is no larger: rates err by eps over its square, here by 1/64."""
 
 
 class Status(Member):
@@ -62,6 +68,11 @@ class Producer:
     name: str
     version: str
     route: Route
+
+    @classmethod
+    def of_refkin(cls, name: str, route: Route) -> Producer:
+        """Return a producer of this package, whose version it has."""
+        return cls(name=name, version=__version__, route=route)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,6 @@ from crosscheck.engines.poses import (
     CAP,
     CONTRACTION,
     EPS,
-    SINGULAR,
     TRUST,
     Array,
     Equations,
@@ -39,7 +38,7 @@ from crosscheck.engines.poses import (
     solve,
     within,
 )
-from refkin.motion import Status
+from refkin.motion import SINGULAR, Status
 
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""

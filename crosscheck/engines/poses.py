@@ -17,6 +17,8 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from refkin.motion import SINGULAR
+
 Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
@@ -36,8 +38,6 @@ LEFT = 16.0
 """Units of rounding up to which it is believed that so little was left: an error that bends otherwise is larger."""
 TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
-SINGULAR = 8.0 * math.sqrt(EPS)
-"""The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
 
 
 class Equations(Protocol):

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat
 
 from crosscheck.judge.records import read_file
+from refkin.motion import Quantity
 
 Rows = list[dict[str, Any]]
 VERDICTS = ("correct", "warned", "refused", "wrong", "crash", "hang")
@@ -31,7 +32,7 @@ class _PriceFile(_Row):
     engine: str
     method: str
     setting: str
-    quantity: Literal["position", "velocity", "acceleration"]
+    quantity: Quantity
     digits: float | None
     digits_attainable: float | None = None
     microseconds: NonNegativeFloat | None

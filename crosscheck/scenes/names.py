@@ -8,9 +8,8 @@ from itertools import combinations
 from typing import Any
 
 from refkin.model import Effect, Scene
+from refkin.motion import QUANTITIES as QUANTITIES
 
-QUANTITIES = ("position", "velocity", "acceleration")
-"""What is computed of a motion, by order."""
 PHYSICAL = ("gravity", "contact", "friction", "joint limits", "passive forces", "actuation", "sensors", "inertia")
 """What a kinematic scene never calls for: every adapter has it switched off or at its least."""
 PEERS = ("exudyn", "pinocchio", "mujoco")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
+from refkin.analysis import acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
@@ -27,7 +27,7 @@ from refkin.joints.elements import Triple
 from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
-from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
+from refkin.motion import SINGULAR, CertifiedRadius, Motion, Producer, Route, Seeding, Status, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
@@ -92,7 +92,7 @@ def motion(
         sigma_min=sigma_min,
         condition=condition,
         certified_radius=radius,
-        producer=Producer(name="refkin.fast", version=__version__, route=ROUTE),
+        producer=Producer.of_refkin("refkin.fast", ROUTE),
         message=message,
     )
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import InvalidRequest, RefkinError
+from refkin.motion import QUANTITIES
 
 UNITS = {
     "planar": (("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s^2", "m/s^2", "rad/s^2")),
     "spatial": tuple(("m" + per,) * 3 + (unit,) * 4 for per, unit in (("", "1"), ("/s", "1/s"), ("/s^2", "1/s^2"))),
 }
-LEVELS = ("position", "velocity", "acceleration")
 
 
 class MissingPackage(RefkinError, ImportError):
@@ -36,16 +36,16 @@ def columns(motion: Any) -> Iterator[tuple[str, str, str, str, Any]]:
         if rows is not None:
             for k, values in enumerate(rows):
                 own = k % width
-                yield motion.bodies[k // width], names[own] + "d" * level, LEVELS[level], units[level][own], values
+                yield motion.bodies[k // width], names[own] + "d" * level, QUANTITIES[level], units[level][own], values
     for name, point in motion.points.items():
         for level, parts in enumerate((point.r, point.v, point.a)):
             if parts is not None:
                 for axis, values in enumerate(parts):
-                    yield name, names[axis] + "d" * level, LEVELS[level], units[level][axis], values
+                    yield name, names[axis] + "d" * level, QUANTITIES[level], units[level][axis], values
     for name, contact in motion.contacts.items():
         for level, values in enumerate((contact.s, contact.sd, contact.sdd)):
             if values is not None:
-                yield name, ("s", "sd", "sdd")[level], LEVELS[level], UNITS["planar"][level][2], values
+                yield name, ("s", "sd", "sdd")[level], QUANTITIES[level], UNITS["planar"][level][2], values
 
 
 def wide(motion: Any) -> dict[str, Any]:

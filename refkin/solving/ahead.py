@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR
 from refkin.differences import EPS
+from refkin.motion import SINGULAR
 from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.path.curve import are_poses

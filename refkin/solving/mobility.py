@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
+from refkin.motion import SINGULAR
 from refkin.proof.singularity.second_order import balance, elsewhere, without_rounding
 from refkin.system import System, compile_system
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, sigma_min, velocity
+from refkin.analysis import ROUTE, acceleration, motion_of, sigma_min, velocity
 from refkin.differences import EPS
 from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
-from refkin.motion import Motion, Producer, Status, __version__, no_radius, nowhere
+from refkin.motion import QUANTITIES, SINGULAR, Motion, Producer, Status, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.output.scene_motion import SceneMotion
 from refkin.proof.assembly.assembly import assemblies
@@ -262,7 +262,7 @@ class _Answer:
         answers = (self.system, self.q[:, samples], self.t[samples], *rates)
         isolation = isolate_every_choice(*answers)
         self.messages.append(isolation.why)
-        for name in ("position", "velocity", "acceleration"):
+        for name in QUANTITIES:
             getattr(self.radius, name)[samples] = getattr(isolation, name)
         for sample, enclosure in isolation.enclosures.items():
             self._take(samples[sample], enclosure)
@@ -279,7 +279,7 @@ class _Answer:
             self.status[k] = Status.LOCKED if order else Status.UNASSEMBLABLE
             self._withhold(k, order)
             if not self.contradicted:
-                what = ("position", "velocity", "acceleration")[order]
+                what = QUANTITIES[order]
                 self.messages.append(
                     f"at t = {self.t[k]:g} redundant rows contradict each other in {what}: "
                     f"{times[order]:.3g} times what rounding explains"
@@ -342,7 +342,7 @@ class _Answer:
             sigma_min=self.sigma_min if condition else nowhere(count),
             condition=self.condition if condition else nowhere(count),
             certified_radius=self.radius,
-            producer=Producer(name="refkin", version=__version__, route=ROUTE),
+            producer=Producer.of_refkin("refkin", ROUTE),
             message="; ".join(dict.fromkeys(filter(None, self.messages))),
         )
 

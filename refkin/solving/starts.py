@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, estimate_of, position, sigma_min
+from refkin.analysis import estimate_of, position, sigma_min
 from refkin.joints import SPACE, initial_contacts, polar_cams
 from refkin.model import Mechanism, Scene
-from refkin.motion import Status
+from refkin.motion import SINGULAR, Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import least_squares

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, sigma_min
+from refkin.analysis import sigma_min
 from refkin.joints import SPACE, TurnAboutAxis
+from refkin.motion import SINGULAR
 from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import is_pose

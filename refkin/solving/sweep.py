@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, sigma_min
+from refkin.analysis import sigma_min
 from refkin.differences import EPS
+from refkin.motion import SINGULAR
 from refkin.newton import TINY
 from refkin.proof.numbers.extrema import extrema, extrema_of
 from refkin.proof.path.branch import first_unproved

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR
+from refkin.motion import SINGULAR
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, product, read
 from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, left_out, of_rows, read_rows

@@ -20,7 +20,7 @@ import numpy as np
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, PLANE, SPACE, AngleDriver, Constraint, Driver, Pair
 from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
-from refkin.motion import Producer, Route, Status, __version__, engine_motion
+from refkin.motion import Producer, Route, Status, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
 from refkin.output import Drawing, Picture
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
@@ -48,7 +48,7 @@ class Branch(Member):
 def pictured(scene: Scene, pose: Mapping[str, Sequence[float]]) -> Picture:
     """Return the picture of a scene of one time at a pose, the coordinates of each body."""
     q = np.array([x for body in scene.wanted for x in pose[body]])[:, None]
-    producer = Producer(name="closed form", version=__version__, route=CLOSED_FORM)
+    producer = Producer.of_refkin("closed form", CLOSED_FORM)
     return Picture(Drawing(scene, engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)))
 
 
