@@ -16,18 +16,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from crosscheck.errors import CannotRun
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.problems import VERSION, grader
 from crosscheck.problems.exudyn_script import to_exudyn
 from crosscheck.problems.mjcf import to_mjcf
 from crosscheck.problems.statement import Draft, Problem
+from crosscheck.workers.processes import Failure, call_in_turn
 from refkin.scenes.files import to_dict, to_toml
 
+LONGEST = 600.0
+"""After this long at one problem a process is ended [s]: a hundred times what the longest takes."""
 UNITS = {"planar": ("length",) * 2 + ("angle",), "spatial": ("length",) * 3 + ("Euler parameter",) * 4}
 """Of the coordinates of a body of the plane and of space."""
 NEAREST = 8
@@ -52,8 +55,11 @@ def export(
     """
     index, hashes = [], []
     folder.mkdir(parents=True, exist_ok=True)
-    made = map(written, asked) if processes == 1 else ProcessPoolExecutor(processes).map(written, asked)
-    for done, (entry, files) in enumerate(made):
+    made = map(written, asked) if processes == 1 else call_in_turn(written, asked, LONGEST, processes)
+    for done, answer in enumerate(made):
+        if isinstance(answer, Failure):
+            raise CannotRun(f"{asked[done].name}: {answer.name}; {answer.text}")
+        entry, files = answer
         at = folder / entry["name"]
         at.mkdir(exist_ok=True)
         for name, text in files.items():

@@ -22,6 +22,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
+from itertools import islice
 from threading import Thread
 from typing import Any
 
@@ -184,24 +185,25 @@ def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds:
 
 
 def call_in_turn(
-    function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START
+    function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START, count: int = 1
 ) -> Iterator[Any]:
-    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
+    """Yield what an importable function returns for each argument, or a Failure; `count` processes take turns.
 
     A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
     """
-    child = None
+    children: dict[int, Child] = {}
+    given = iter(enumerate(arguments))
     try:
-        for argument in arguments:
-            while child is None or not child.give([argument]):
-                child = Child(function)
-            result = child.result(seconds)
+        for k in range(len(arguments)):
+            for n, argument in islice(given, count if k == 0 else 1):
+                while n % count not in children or not children[n % count].give([argument]):
+                    children[n % count] = Child(function)
+            result = children[k % count].result(seconds)
             if isinstance(result, Failure) and result.kind is not FailureKind.ERROR:
-                child.end()
-                child = None
+                children.pop(k % count).end()
             yield result
     finally:
-        if child is not None:
+        for child in children.values():
             child.end()
 
 

@@ -17,10 +17,13 @@ from flint import arb
 from crosscheck.cli import main
 from crosscheck.commands.solve import to_json
 from crosscheck.engines.mujoco.model import mujoco
+from crosscheck.errors import CannotRun
 from crosscheck.problems import VERSION, planar, spatial
-from crosscheck.problems.export import export, written
+from crosscheck.problems import export as problems
+from crosscheck.problems.export import export
 from crosscheck.problems.grader import LEVELS
 from crosscheck.problems.statement import digits_of, drafts
+from crosscheck.workers.processes import hang
 from refkin.joints import PLANE, SPACE
 from refkin.model import Scene
 from refkin.scenes.files import load, to_dict
@@ -261,11 +264,19 @@ def test_a_set_whose_answers_were_changed_is_no_set(folder, tmp_path):
     assert "not those of this set" in subprocess.run(command, capture_output=True, text=True).stderr
 
 
-def test_the_same_problem_is_written_in_the_same_bytes_again(folder):
-    for draft in SAMPLE[::5]:
-        entry, files = written(draft)
+def test_two_processes_write_the_same_problems_in_the_same_bytes_again(folder, tmp_path):
+    export(tmp_path, SAMPLE[::5], processes=2)
 
-        assert files == {name: (folder / entry["name"] / name).read_text() for name in files}
+    for file in tmp_path.glob("*/*"):
+        assert file.read_bytes() == (folder / file.relative_to(tmp_path)).read_bytes()
+    assert len(list(tmp_path.glob("*/*"))) == 5 * len(SAMPLE[::5])
+
+
+def test_a_problem_at_which_a_process_fails_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(problems, "call_in_turn", lambda *_: iter([hang(600.0)]))
+
+    with pytest.raises(CannotRun, match=f"{SAMPLE[0].name}: hang; no answer within 600 s"):
+        export(tmp_path, SAMPLE[:2], processes=2)
 
 
 def test_four_bars_are_right_to_30_digits_by_an_independent_closed_form(folder, index):

@@ -194,6 +194,14 @@ def test_one_process_does_as_many_arguments_as_it_can_and_is_replaced_where_it_e
     assert [one.ended for one in called] == [1, 1, 0, 1]
 
 
+def test_two_processes_take_turns_and_the_answers_come_in_order(called):
+    answers = list(call_in_turn(failing, ["a", "crashes", "b", "raises", "c"], 7.0, 2))
+
+    assert answers == ["well", CRASH, "well", ERROR, "well"]
+    assert [[argument for argument, *_ in one.taken] for one in called] == [["a", "b", "c"], ["crashes"], ["raises"]]
+    assert [one.ended for one in called] == [1, 1, 1]
+
+
 def test_each_argument_has_a_process_of_its_own_and_time_to_start(called):
     answers = call_each(failing, ["a", "crashes", "b"], 7.0)
 
