@@ -22,13 +22,14 @@ def printable(text: str) -> str:
 class Fault:
     """One thing that is wrong with a scene: the path, as in its file (`joint[2].body_i`); what stands there, or None.
 
-    `where` is that place in other words: "joint 'A', line 12".
+    `where` is that place in other words: "joint 'A', line 12". Of a name, `choices` are those that may stand there.
     """
 
     path: str
     value: object
     expected: str
     where: str = ""
+    choices: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         text = repr(self.value)

@@ -166,9 +166,6 @@ BLOCKS = "▁▂▃▄▅▆▇█"
 MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
 
-PRICED = ": "
-"""What the name of a series of the price list has in it, and that of a method has not."""
-
 
 def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
     """Show the nights that were kept: how they ended, their worst digits, times relative to refkin and their changes.
@@ -197,7 +194,7 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     out.print(table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights"))
     out.print(_digit_table(kept[-last:]))
     out.print(_cost_table(course["series"]))
-    quiet = sum(not one["changes"] and PRICED in one["name"] for one in course["series"])
+    quiet = sum(not one["changes"] and one["priced"] for one in course["series"])
     if quiet:
         out.print(f"{quiet} series of the price list without a change: --json has them")
     for line in warnings(course):
@@ -269,7 +266,7 @@ def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
 def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
     rows = []
     for one in series:
-        if not one["changes"] and PRICED in one["name"]:
+        if not one["changes"] and one["priced"]:
             continue
         changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
         course = _blocks(one["values"][-MOST_NIGHTS:])

@@ -25,9 +25,12 @@ from refkin.proof.pose.krawczyk import Verdict
 from refkin.system import System
 
 
-def listed(spec: str) -> list[tuple[str, str, str]]:
-    """Return engine, name and setting of each method that hard cases are sent through, of shipped defaults as well."""
-    return [method.key for method in _methods(spec)]
+def listed(spec: str) -> list[tuple[str, str, str]] | EngineError:
+    """Return engine, name and setting of each method that hard cases are sent through, or why there is no engine."""
+    try:
+        return [method.key for method in _methods(spec)]
+    except EngineError as error:
+        return EngineError(str(error))
 
 
 def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
@@ -169,8 +172,8 @@ def _rows(
     """Yield rows, case by case: where time is up, all engines have been asked the same cases."""
     by_engine = dict(zip(engines, call_each(listed, engines), strict=True))
     for answer in by_engine.values():
-        if isinstance(answer, Failure):
-            raise EngineError(answer.text.removeprefix("EngineError: "))
+        if isinstance(answer, Failure | EngineError):
+            raise answer if isinstance(answer, EngineError) else EngineError(answer.text)
     answers = {
         spec: call_in_turn(
             outcome_of, [(spec, name, setting, case.key) for case in cases for _, name, setting in keys], seconds

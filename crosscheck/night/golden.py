@@ -108,14 +108,13 @@ def _measured(record: Record) -> dict[str, Any]:
     A quantity without a digit is None; a method has its largest error / allowed as well.
     """
     left = record.reference.rounding_by_sigma if record.reference else {}
-    methods = {
-        f"{answer.engine} · {answer.method.name}": {
+    methods: dict[str, dict[str, Any]] = {}
+    for answer in record.answers:
+        methods.setdefault(answer.engine, {})[answer.method.name] = {
             "missing": answer.missing,
             "ratio": {name: q.ratio for name, q in answer.quantities.items()},
             **{name: _digits(q.digits_by_sigma) for name, q in answer.quantities.items()},
         }
-        for answer in record.answers
-    }
     return {"rounding": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "methods": methods}
 
 
@@ -132,10 +131,10 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
     worse = []
     for name, case in before.items():
         lost = [*_reference_changed(case, now[name])]
-        for who, digits in case["methods"].items():
-            engine, _, method = who.partition(" · ")
-            if engine in engines:
-                lost += _digits_lost(engine, method, digits, now[name]["methods"].get(who), case["rounding"])
+        for engine, methods in case["methods"].items():
+            there = now[name]["methods"].get(engine, {})
+            for method, digits in methods.items() if engine in engines else ():
+                lost += _digits_lost(engine, method, digits, there.get(method), case["rounding"])
         worse += [NewCase(disagreement=disagreement, key=f"golden-{slug(name)}", case=name) for disagreement in lost]
     return worse
 
@@ -215,7 +214,7 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
     baseline = read(path)
     cases = baseline["cases"]
-    known, scenes = {who.partition(" · ")[0] for case in cases.values() for who in case["methods"]}, scenes_of(cases)
+    known, scenes = {engine for case in cases.values() for engine in case["methods"]}, scenes_of(cases)
     engines = [name for name in workers.engines if name in known]
     comparison = Golden(
         cases=len(scenes),

@@ -45,7 +45,7 @@ CREATE TABLE IF NOT EXISTS accuracy (
     digits_median REAL, digits_p01 REAL, digits_worst REAL, worst_over_allowed REAL);
 CREATE TABLE IF NOT EXISTS cost (
     night INTEGER NOT NULL REFERENCES night (id), series TEXT NOT NULL,
-    microseconds REAL NOT NULL, ratio REAL NOT NULL);
+    microseconds REAL NOT NULL, ratio REAL NOT NULL, priced INTEGER NOT NULL);
 """
 
 
@@ -96,7 +96,7 @@ def append(path: Path, report: Mapping[str, Any]) -> bool:
             row,
         ).lastrowid
         db.executemany("INSERT INTO accuracy VALUES (?, ?, ?, ?, ?, ?, ?, ?)", _accuracies(night, report))
-        db.executemany("INSERT INTO cost VALUES (?, ?, ?, ?)", _costs(night, report))
+        db.executemany("INSERT INTO cost VALUES (?, ?, ?, ?, ?)", _costs(night, report))
     return True
 
 
@@ -114,7 +114,7 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
     for row in report["methods"]:
         if reference and row["microseconds_median"]:
             name = f"{row['engine']} · {row['method']}"
-            yield night, name, row["microseconds_median"], row["microseconds_median"] / reference
+            yield night, name, row["microseconds_median"], row["microseconds_median"] / reference, False
     prices = report.get("price") or []
     own: dict[tuple[str, str], float] = {}
     for row in prices:
@@ -125,7 +125,7 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
         what = (row["quantity"], row["scene_class"])
         if own.get(what) and row["microseconds"]:
             name = f"{row['engine']} · {row['method']}, {row['setting']}: {row['quantity']}, {row['scene_class']}"
-            yield night, name, row["microseconds"], row["microseconds"] / own[what]
+            yield night, name, row["microseconds"], row["microseconds"] / own[what], True
 
 
 def nights(path: Path) -> list[dict[str, Any]]:
@@ -143,20 +143,24 @@ def nights(path: Path) -> list[dict[str, Any]]:
 
 
 def trends(path: Path) -> dict[str, Any]:
-    """Return {nights, series}: per series its nights, ratios to the reference, and {place of a change: its factor}."""
+    """Return {nights, series}: per series its nights, ratios to the reference, and {place of a change: its factor}.
+
+    `priced` says whether it is one of the price list.
+    """
     with _opened(path, must_exist=True) as db:
         dates = [date for (date,) in db.execute("SELECT date FROM night ORDER BY date, id")]
         rows = db.execute(
-            "SELECT series, date, ratio FROM cost JOIN night ON night.id = cost.night ORDER BY series, date, night.id"
+            "SELECT series, date, ratio, priced FROM cost JOIN night ON night.id = cost.night"
+            " ORDER BY series, date, night.id"
         ).fetchall()
     series: dict[str, dict[str, Any]] = {}
-    for name, date, ratio in rows:
-        one = series.setdefault(name, {"name": name, "nights": [], "values": []})
+    for name, date, ratio, priced in rows:
+        one = series.setdefault(name, {"name": name, "priced": bool(priced), "nights": [], "values": []})
         one["nights"].append(date)
         one["values"].append(ratio)
     for one in series.values():
         one["changes"] = {str(k): factor for k, factor in change_points(one["values"]).items()}
-    order = sorted(series.values(), key=lambda one: (not one["changes"], ": " in one["name"], one["name"]))
+    order = sorted(series.values(), key=lambda one: (not one["changes"], one["priced"], one["name"]))
     return {"nights": dates, "series": order}
 
 
@@ -186,6 +190,10 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
             db.executescript(TABLES)
             if db.execute("SELECT 1 FROM pragma_table_info('accuracy') WHERE name = 'route'").fetchone():
                 db.execute("ALTER TABLE accuracy RENAME COLUMN route TO method")  # of nights before 22 November 2026
+            if not db.execute("SELECT 1 FROM pragma_table_info('cost') WHERE name = 'priced'").fetchone():
+                db.execute("ALTER TABLE cost ADD COLUMN priced INTEGER NOT NULL DEFAULT 0")  # before 25 November 2026
+                db.execute("UPDATE cost SET priced = instr(series, ': ') > 0")
+                db.commit()
             yield db
     except sqlite3.Error as error:
         raise HistoryError(f"{path}: {error}") from error

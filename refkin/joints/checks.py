@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from itertools import pairwise
 from typing import Any
@@ -11,6 +11,10 @@ from typing import Any
 from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
 from refkin.joints.elements import GROUND
+
+
+class WrongCount(Fault):
+    """A list of another length; its value are the numbers that stand in the file."""
 
 
 def kind_of(m: Any) -> Kind:
@@ -42,7 +46,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         for key in () if hasattr(c, "joint") else ("body", "body_i", "body_j", "relative_to"):  # else its joint's
             body = getattr(c, key, None)
             if body is not None and body not in known:
-                yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(filter(None, known))}")
+                yield _no_body(f"{path}.{key}", body, known)
         if c.bodies[0] == c.bodies[1]:
             yield Fault(path, c.bodies[0], "two different bodies")
         yield from c.faults(path)
@@ -56,7 +60,6 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
-    one_of = f"a body of the scene: {', '.join(filter(None, dict.fromkeys(names)))}"
     finite = all(math.isfinite(t) for t in times)
     if not times:
         yield Fault("times", [], "at least one time")
@@ -68,7 +71,7 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
     for k, body in enumerate(bodies_wanted or ()):
         if body not in names:
-            yield Fault(f"bodies_wanted[{k}]", body, one_of)
+            yield _no_body(f"bodies_wanted[{k}]", body, names)
         elif body in bodies_wanted[:k]:
             yield Fault(f"bodies_wanted[{k}]", body, "each body once")
     yield from _name_faults("point", scene.points)
@@ -76,7 +79,7 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     for k, point in enumerate(scene.points):
         yield from _count_faults(f"point[{k}].position", point.position, kind_of(scene.mechanism).dimension)
         if point.body not in names:
-            yield Fault(f"point[{k}].body", point.body, one_of)
+            yield _no_body(f"point[{k}].body", point.body, names)
     for path, c in _paths(scene.mechanism) if times and finite else ():
         for key, law in zip(c.law_keys, c.laws, strict=True):
             low, high = (-math.inf, math.inf) if list(law.faults("")) else law.domain()
@@ -87,6 +90,11 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
 def _paths(m: Any) -> list[tuple[str, Constraint]]:
     groups = (("joint", m.joints), ("driver", m.drivers))
     return [(f"{kind}[{k}]", c.among(m.joints)) for kind, group in groups for k, c in enumerate(group)]
+
+
+def _no_body(path: str, name: str, known: Iterable[str]) -> Fault:
+    names = tuple(filter(None, dict.fromkeys(known)))
+    return Fault(path, name, f"a body of the scene: {', '.join(names)}", choices=names)
 
 
 def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> Iterator[Fault]:
@@ -112,4 +120,4 @@ def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
 
 def _count_faults(path: str, numbers: Sequence[float], count: int) -> Iterator[Fault]:
     if len(numbers) != count:
-        yield Fault(path, list(numbers), f"{count} numbers, not {len(numbers)}")
+        yield WrongCount(path, list(numbers), f"{count} numbers, not {len(numbers)}")

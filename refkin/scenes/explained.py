@@ -10,6 +10,7 @@ from typing import Any
 
 from refkin.errors import Fault
 from refkin.joints import DRIVER_TYPES, GROUND, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
+from refkin.joints.checks import WrongCount
 from refkin.model import Body, Point
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 
@@ -26,11 +27,14 @@ KEYS = {
 """The keys that may stand at a place of a scene file."""
 CLOSE = 0.6
 """Similarity, of `difflib`, from which a word is taken for a misspelt one."""
-UNTIED = "a body that joints or drivers tie to the ground"
 TYPES: dict[str, dict[str, Sequence[Any]]] = {
     "joint": {"planar": JOINT_TYPES, "spatial": SPATIAL_JOINT_TYPES},
     "driver": {"planar": DRIVER_TYPES, "spatial": SPATIAL_DRIVER_TYPES},
 }
+
+
+class UnknownKey(Fault):
+    """A key that there is not; if another one was perhaps meant, that is its only choice."""
 
 
 def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]:
@@ -45,9 +49,7 @@ def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]
     """
     lines = _lines(text, data) if text else {}
     guessed = [_guessed(fault, data) for fault in faults]
-    meant = {
-        re.sub(r"\w+$", word, f.path) for f in guessed for word in re.findall(r"no such key .*'(\w+)'\?", f.expected)
-    }
+    meant = {re.sub(r"\w+$", word, f.path) for f in guessed if isinstance(f, UnknownKey) for word in f.choices}
     kept = [f for f in guessed if f.value is not None or f.path not in meant]  # a misspelt key is not missing as well
     return [replace(fault, where=_where(fault.path, data, lines)) for fault in kept]
 
@@ -75,23 +77,23 @@ def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[F
         reached += more
     for k, body in enumerate(bodies):
         if body.name not in tied:
-            yield Fault(f"body[{k}]", body.name, UNTIED)
+            yield Fault(f"body[{k}]", body.name, "a body that joints or drivers tie to the ground")
 
 
 def _guessed(fault: Fault, data: Any) -> Fault:
     """Return the fault with the word that was perhaps meant."""
     key = fault.path.rpartition(".")[2]
     group = re.split(r"[.\[]", fault.path)[0]
-    if fault.expected == "no such key":
+    if isinstance(fault, UnknownKey):
         inner = re.search(r"(law|rate_law|profile)[^.]*\.[^.]*$", fault.path)
         known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
         tables = isinstance(fault.value, list) and all(isinstance(x, dict) for x in fault.value)
         return _meant(fault, key, GROUPS if tables and not inner else known)
     if fault.path == "dimension" and fault.value is None:
         return replace(fault, expected='"spatial", as the rest of the file is')
-    if re.search(r", not \d+$", fault.expected):
+    if isinstance(fault, WrongCount):
         return replace(fault, value=at(fault.path, data))
-    if fault.path in GROUPS and fault.expected == "a list":
+    if fault.path in GROUPS and fault.expected == "a list":  # as pydantic says that it is none
         return replace(fault, expected=f"a list: each {group} under a header [[{group}]]")
     if fault.value == GROUND and group == "body":
         return replace(fault, expected=f"a name other than {GROUND!r}, which is reserved for the fixed frame")
@@ -103,14 +105,14 @@ def _guessed(fault: Fault, data: Any) -> Fault:
         names = [joint.get("name") for joint in joints if isinstance(joint, dict)] if isinstance(joints, list) else []
         return _meant(fault, fault.value, [name for name in names if isinstance(name, str)])
     if isinstance(fault.value, str):
-        listed = re.findall(r"[^\s,']+", fault.expected.partition("one of")[2] or fault.expected.partition(":")[2])
-        return _meant(fault, fault.value, listed)
+        return _meant(fault, fault.value, fault.choices)
     return fault
 
 
 def _meant(fault: Fault, word: str, known: Sequence[str]) -> Fault:
     close = [] if word in known else get_close_matches(word, known, 1, CLOSE)
-    return replace(fault, expected=f"{fault.expected} (did you mean {close[0]!r}?)") if close else fault
+    did = f"{fault.expected} (did you mean {close[0]!r}?)" if close else fault.expected
+    return replace(fault, expected=did, choices=tuple(close))
 
 
 def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -> str:

@@ -30,10 +30,10 @@ from refkin.joints import (
     Constraint,
     Driver,
 )
-from refkin.joints.checks import mechanism_faults, scene_faults
+from refkin.joints.checks import WrongCount, mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
 from refkin.scenes import DEEPEST, SCHEMA
-from refkin.scenes.explained import GROUPS, KEYS, TYPES, UNTIED, at, unconnected
+from refkin.scenes.explained import GROUPS, KEYS, TYPES, UnknownKey, at, unconnected
 
 MOST_TIMES = 10_000_000
 
@@ -138,8 +138,7 @@ def read(data: Any) -> tuple[SceneFile | None, list[Fault]]:
     try:
         file = _read(data)
     except ValidationError as error:
-        findings = _lengths(_fault(e) for e in error.errors(include_url=False))
-        return None, [*findings, *_further_faults(data, error)]
+        return None, [*_lengths(error.errors(include_url=False)), *_further_faults(data, error)]
     return file, _meaning(file)
 
 
@@ -180,18 +179,18 @@ def _errors(data: Any) -> int:
     return 0
 
 
-def _meaning(file: SceneFile) -> list[Fault]:
-    """Return what is wrong with a file whose keys and types are right."""
+def _meaning(file: SceneFile, whole: bool = True) -> list[Fault]:
+    """Return what is wrong with a file whose keys and types are right; `whole`: with all its joints and drivers."""
     grid = list(file.times.faults())
     times = file.times.values or () if grid else file.times.times()
     mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
     wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
     scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
-    loose = list(unconnected(file.body, (*file.joint, *file.driver)))
+    loose = list(unconnected(file.body, (*file.joint, *file.driver))) if whole else []
     of_mechanism = list(mechanism_faults(mechanism))
-    misnamed = any(f.path.startswith(("joint", "driver")) and "a body of the scene" in f.expected for f in of_mechanism)
+    misnamed = any(f.choices and f.path.startswith(("joint", "driver")) for f in of_mechanism)
     faults = [*grid, *of_mechanism, *([] if misnamed else loose), *scene]  # whom the misnamed ties is not known
-    follows = {"times": grid and not times, "driver": loose}  # what is said of these comes of what is wrong already
+    follows = {"times": grid and not times, "driver": loose or not whole}  # what comes of what is wrong already
     return [f for f in faults if not follows.get(f.path)]
 
 
@@ -201,16 +200,15 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     Those places are filled in two ways; what is found with both does not come of what they were filled with.
     """
     unread = [_fault(e).path for e in error.errors(include_url=False)]
-    (file, hidden), (other_file, other_hidden) = (_filled(data, way) for way in (0, 1))
-    one, other = ([] if each is None else _meaning(each) for each in (file, other_file))
-    inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
-    faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     items = [re.fullmatch(r"((?:joint|driver)(?:\[\d+\])?)(?:\.type)?", path) for path in unread]
     lost = {at(f"{item[1]}.name", data) for item in items if item}
     lost |= {None for path in unread if path not in KEYS[""] and isinstance(at(path, data), list) and "[" not in path}
-    if lost:  # whom these tie, how many rows they have, and what they are, is not known
-        faults = [f for f in faults if f.expected != UNTIED and f.path != "driver"]
-        faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
+    (file, hidden), (other_file, other_hidden) = (_filled(data, way) for way in (0, 1))
+    # Where joints are lost it is not known whom they tie, how many rows they have, and what they are.
+    one, other = ([] if each is None else _meaning(each, whole=not lost) for each in (file, other_file))
+    inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
+    faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
+    faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
     return [*(f for f in hidden if f in other_hidden), *faults]
 
 
@@ -280,13 +278,14 @@ def _fault(error: Any) -> Fault:
     if kind == "missing":
         return Fault(path, None, MISSING_KEY)
     if kind in UNKNOWN_KEY:
-        return Fault(path, value, "no such key")
+        return UnknownKey(path, value, "no such key")
     if kind in ("too_short", "too_long"):
         asked = context.get("min_length", context.get("max_length"))
-        return Fault(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
+        return WrongCount(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key, known = context["discriminator"].strip("'"), context.get("expected_tags")
-        return Fault(f"{path}.{key}", value.get(key), f"one of {known}" if known else MISSING_KEY)
+        choices = tuple(re.findall(r"'([^']*)'", known or ""))  # pydantic's text: it hands over no list
+        return Fault(f"{path}.{key}", value.get(key), f"one of {known}" if known else MISSING_KEY, choices=choices)
     expected = error["msg"].removeprefix("Input should be ")
     return Fault(path, value, _PLAIN.get(expected, expected.replace("a valid ", "a ")))
 
@@ -306,17 +305,17 @@ def _items(path: str) -> str:
     return "laws" if path.endswith("law") else "numbers"
 
 
-def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
-    """Yield the faults, with one for all the numbers that a list lacks."""
+def _lengths(errors: Iterable[Any]) -> Iterator[Fault]:
+    """Yield pydantic's findings as faults, with one for all the numbers that a list lacks."""
     lacking: dict[str, list[int]] = {}
-    for fault in faults:
-        place = re.fullmatch(r"(.*[a-z_])\[(\d)\]", fault.path)
-        if place and fault.expected == MISSING_KEY and place[1].rpartition(".")[2] not in GROUPS:
+    for error in errors:
+        place = re.fullmatch(r"(.*[a-z_])\[(\d)\]", _path(error["loc"]))
+        if place and error["type"] == "missing" and place[1].rpartition(".")[2] not in GROUPS:
             lacking.setdefault(place[1], []).append(int(place[2]))
         else:
-            yield fault
+            yield _fault(error)
     for path, places in lacking.items():
-        yield Fault(path, None, f"{max(places) + 1} {_items(path)}, not {min(places)}")
+        yield WrongCount(path, None, f"{max(places) + 1} {_items(path)}, not {min(places)}")
 
 
 MISSING_KEY = "this key, which is missing"

@@ -298,7 +298,7 @@ def table(monkeypatch):
     return lambda *some, **more: (hard_case_rows(*some, findings=[SAID], **more), asked)
 
 
-LACKING = Failure(FailureKind.ERROR, "EngineError: no engine is called 'c'")
+LACKING = EngineError("no engine is called 'c'")
 
 
 def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table):
