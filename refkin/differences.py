@@ -27,8 +27,11 @@ class Scheme(StrEnum):
     """How a derivative is approximated."""
 
     FORWARD = "forward"
+    """One value at x + h."""
     CENTRAL = "central"
+    """Two, at x + h and x - h."""
     COMPLEX_STEP = "complex_step"
+    """One, at x + ih."""
 
 
 def step(scheme: Scheme, x: Any) -> Any:

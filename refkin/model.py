@@ -28,14 +28,18 @@ class Effect(Member):
     """What a scene may call for beyond position, which is always there."""
 
     VELOCITY = "velocity"
+    """qd, from phi_q qd = nu."""
     ACCELERATION = "acceleration"
+    """qdd, from phi_q qdd = gamma."""
 
 
 class Evidence(Member):
     """What a scene may ask as evidence beyond status and residual, which are always there."""
 
     CONDITION = "condition"
+    """sigma_min and condition number of phi_q."""
     CERTIFICATE = "certificate"
+    """A proved bound of the error of each level."""
 
 
 @dataclass(frozen=True, kw_only=True)

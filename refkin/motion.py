@@ -44,8 +44,11 @@ class Seeding(Member):
     """How much of our answer a producer was given."""
 
     NONE = "none"
+    """Nothing of it."""
     INITIAL_GUESS = "initial_guess"
+    """The estimates of the scene."""
     CONFIGURATION = "configuration"
+    """The pose itself: rates alone are its own."""
 
 
 @dataclass(frozen=True, kw_only=True)

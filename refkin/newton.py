@@ -41,6 +41,7 @@ class NewtonStatus(StrEnum):
     """How an iteration ended."""
 
     CONVERGED = "converged"
+    """The stopping test is met."""
     ITERATION_LIMIT = "the iteration limit was reached"
     SINGULAR = "the Jacobian is singular away from a root"
     NOT_FINITE = "the iterates left the domain of the equations"

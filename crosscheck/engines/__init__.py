@@ -47,18 +47,26 @@ class Level(StrEnum):
     """What can be asked of an engine about one joint."""
 
     RESIDUAL = "residual"
+    """phi(q, t) of the joint's rows."""
     JACOBIAN = "jacobian"
+    """phi_q of them."""
     CONSTRAINT_VELOCITY = "constraint_velocity"
+    """phi_q qd, with phi_t where the engine has the driver."""
     DRIFT = "drift"
+    """gamma, as in phi_q qdd = gamma."""
     SOLVE = "solve"
+    """Poses and rates of a mechanism that has the joint."""
 
 
 class Support(StrEnum):
     """How an engine answers: by its own means, with the adapter supplying a part, or not at all."""
 
     NATIVE = "native"
+    """The engine has the joint itself."""
     DERIVED = "derived"
+    """The adapter supplies a part of it."""
     REFUSED = "refused"
+    """It is not asked."""
 
 
 @dataclass(frozen=True)

@@ -58,11 +58,17 @@ class HardOutcome(StrEnum):
     """How an engine did on a scene."""
 
     CORRECT = "correct"
+    """Every answer that is called ok is right."""
     WARNED = "warned"
+    """Every answer is right, but one is not called ok, or the engine warned."""
     REFUSED = "refused"
+    """A time has no answer, or none that is called ok and right."""
     WRONG = "wrong"
+    """An answer that is called ok is outside of what is allowed."""
     CRASH = "crash"
+    """The engine ended its process."""
     HANG = "hang"
+    """It took too long, and was ended."""
 
 
 @dataclass(frozen=True)

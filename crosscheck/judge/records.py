@@ -45,6 +45,7 @@ class Cause(StrEnum):
     ORDER = "depends on the order of bodies"
     """The same scene with bodies, joints and drivers reversed is answered differently."""
     NO_NUMBER = "status ok without a number"
+    """NaN, or an infinite number, at a time whose status is ok."""
     NO_ANSWER = "no answer"
     """To a regular scene, from an engine that refuses nothing of it."""
     NOT_DELIVERED = "not delivered"
@@ -65,12 +66,16 @@ class Cause(StrEnum):
     TRANSLATED = "model translated wrongly"
     """The engine's own rows are not those of the scene."""
     CRASH = "crash"
+    """The engine ended its process."""
     HANG = "hang"
+    """It took too long, and was ended."""
     ERROR = "error"
+    """It raised what is no refusal."""
     REFERENCE = "reference"
     """The reference itself is not ok: `how` is its status."""
     LEFT_PROOF = "golden set: the reference has left its proof"
     DIGITS_LOST = "golden set: digits lost"
+    """A method has fewer than it had, and than rounding explains."""
 
 
 ENDED = (Cause.CRASH, Cause.HANG, Cause.ERROR)

@@ -29,8 +29,11 @@ class LawKind(StrEnum):
     """The kinds of motion laws that are drawn."""
 
     POLYNOMIAL = "polynomial"
+    """Of degree one to three."""
     SINUSOID = "sinusoid"
+    """An offset and one harmonic."""
     TABLE = "table"
+    """A spline through a few values."""
 
 
 KINDS = st.sampled_from(LawKind)

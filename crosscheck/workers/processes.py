@@ -93,7 +93,9 @@ class Message(StrEnum):
     """What a child sends: that it is ready for the first argument, or what came of one."""
 
     READY = "ready"
+    """The child is ready for the first argument: its time begins."""
     DONE = "done"
+    """What came of one argument follows."""
 
 
 class Child:

@@ -24,8 +24,11 @@ class Printed(StrEnum):
     """What a printed number is to the true one."""
 
     RIGHT = "right"
+    """It is that number, rounded to the digits that are printed."""
     TRUNCATED = "truncated"
+    """It is, but cut off where it should be rounded."""
     WRONG = "wrong"
+    """It is neither."""
 
 
 @dataclass(frozen=True)

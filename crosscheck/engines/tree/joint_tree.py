@@ -35,9 +35,13 @@ class Freedom(StrEnum):
     """What an edge of the tree lets a body do against its parent."""
 
     TURN = "turn"
+    """Turn about a point: one angle."""
     SLIDE = "slide"
+    """Move along a line: one length."""
     NONE = "none"
+    """Nothing."""
     FREE = "free"
+    """Everything: the body hangs on no joint."""
 
 
 WIDTH = {Freedom.TURN: 1, Freedom.SLIDE: 1, Freedom.NONE: 0, Freedom.FREE: 3}

@@ -41,8 +41,11 @@ class RelationForm(Enum):
     """How a relation follows from rows; see the module."""
 
     DIRECT = auto()
+    """A row between A and B."""
     LINK = auto()
+    """Two pins on a third group C: it keeps a distance between A and B."""
     SLIDE = auto()
+    """A line and another row on C: it slides along the one, and carries the other."""
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,11 @@ class RowKind(Enum):
     """What a row says of two points."""
 
     PIN = auto()
+    """They coincide."""
     LINE = auto()
+    """One stays on a line through the other."""
     DISTANCE = auto()
+    """They keep a distance."""
 
 
 @dataclass(frozen=True)

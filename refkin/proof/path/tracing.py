@@ -36,6 +36,7 @@ class TraceEnd(StrEnum):
 
     RANGE = "t leaves its range"
     CLOSED = "the path closes"
+    """It has come back to its start."""
     BIFURCATION = "a bifurcation: choose a tangent"
     POINTS = "the most points are reached"
     STOPPED = "no step is small enough"

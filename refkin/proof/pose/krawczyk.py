@@ -98,8 +98,11 @@ class Verdict(StrEnum):
     """Where an answer lies."""
 
     INSIDE = "inside"
+    """Within the allowed distance of the enclosed root, by proof."""
     OUTSIDE = "outside"
+    """Beyond it, by proof."""
     UNDECIDABLE = "undecidable"
+    """The enclosure is too wide to say."""
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,7 @@
 
 phi_q is looked at with every body's frame on one of its joints (`recentred`) and its rows and columns balanced, so that
 neither units, nor lengths of 1e-6, nor frames far away pass for singularities. Let J_K be its rows of joints, of rank
-r_K, and n - r_K the mobility of the pose, to be held by d driven rows:
-
-========================= ==========================================================================================
-regular                   phi_q has full rank; the pose is proved to be alone
-redundant rows            so it has, with more rows than coordinates
-structure                 the joints alone hold everything: n = r_K; or what moves to first order does not to second
-formulation singularity   a row of phi_q vanishes: the equation is not fit for this pose (a cylinder of length zero)
-turning point             n - r_K = d, and the drivers do not hold a motion v that the joints allow: the input turns
-                          back there, for its second derivative along v, psi . phi_qq[v, v], is not zero
-actuator singularity      likewise, but it is zero, or several motions are not held
-idle motion               a motion that no driver holds, and that goes on
-bifurcation               n - r_K > d: to second order two or more motions satisfy psi . phi_qq[v, v] = 0 for all
-                          psi with psi^T J_K = 0
-higher order              none of these tests decides
-========================= ==========================================================================================
+r_K, and n - r_K the mobility of the pose, to be held by d driven rows. `PoseKind` says what there is.
 
 A turning point is an actuator singularity too: with another driver the same pose is regular; the message says which.
 (F. C. Park and J. W. Kim, J. Mech. Des. 121, 1999; A. Mueller, J. Mechanisms Robotics 2016; that second-order tests
@@ -51,17 +37,27 @@ OPEN = 1e-6
 
 
 class PoseKind(StrEnum):
-    """What a pose is; see the module."""
+    """What a pose is, in the terms of the module."""
 
     REGULAR = "regular"
+    """phi_q has full rank; the pose is proved to be alone."""
     REDUNDANT = "redundant rows"
+    """So it has, with more rows than coordinates."""
     STRUCTURE = "structure"
+    """The joints alone hold everything: n = r_K; or what moves to first order does not to second."""
     FORMULATION = "formulation singularity"
+    """A row of phi_q vanishes: the equation is not fit for this pose (a cylinder of length zero)."""
     TURNING_POINT = "turning point"
+    """n - r_K = d, and the drivers do not hold a motion v that the joints allow: the input turns back there, for its
+    second derivative along v, psi . phi_qq[v, v], is not zero."""
     ACTUATOR = "actuator singularity"
+    """Likewise, but it is zero, or several motions are not held."""
     IDLE = "idle motion"
+    """A motion that no driver holds, and that goes on."""
     BIFURCATION = "bifurcation"
+    """n - r_K > d: two or more motions satisfy psi . phi_qq[v, v] = 0 for all psi with psi^T J_K = 0."""
     HIGHER = "singularity of higher order"
+    """None of these tests decides."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,9 @@ class Branch(Member):
     """The two assemblies of a linkage at one input; each linkage says which one is OPEN."""
 
     OPEN = "open"
+    """The one that the linkage calls so."""
     CROSSED = "crossed"
+    """The other one."""
 
     @property
     def sign(self) -> int:

@@ -20,11 +20,17 @@ class GrashofClass(StrEnum):
     """What a four-bar can do, by where its shortest link is (Grashof 1883); no link turns fully in a triple-rocker."""
 
     CRANK_ROCKER = "crank-rocker"
+    """The crank is shortest, and turns fully."""
     DOUBLE_CRANK = "double-crank"
+    """The ground is: crank and rocker turn fully (drag link)."""
     ROCKER_CRANK = "rocker-crank"
+    """The rocker is, and turns fully."""
     DOUBLE_ROCKER = "double-rocker"
+    """The coupler is: it alone turns fully."""
     TRIPLE_ROCKER = "triple-rocker"
+    """No link turns fully: shortest and longest are longer than the other two."""
     CHANGE_POINT = "change-point"
+    """They are as long: the linkage folds into one line."""
 
 
 BY_SHORTEST = {
