@@ -436,12 +436,12 @@ def test_a_sweep_that_gives_up_before_a_law_turns_back_does_not_step_over_it(mon
     assert refkin.solve(linkage.scene(law=law, times=(0.0, 0.6))).status == (Status.OK, Status.NOT_CONVERGED)
 
 
-def stepped(linkage, branches, times):
+def stepped(linkage, branches, times, law=Polynomial(coefficients=(0.5, 1.0))):  # noqa: B008
     """A sweep that says it went from one pose of a branch to the next, with none of its steps in doubt."""
-    scene = linkage.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=tuple(times))
+    scene = linkage.scene(law=law, times=tuple(times))
     m = scene.mechanism
     system = compile_system(m, unit=m.unit())
-    poses = [linkage.assemble(0.5 + t, branch) for branch, t in zip(branches, times, strict=True)]
+    poses = [linkage.assemble(law(t), branch) for branch, t in zip(branches, times, strict=True)]
     q = [system.to_unit(np.concatenate([pose[b.name] for b in m.bodies])) for pose in poses]
     return Sweep(system, list(times), q), scene
 
@@ -487,13 +487,25 @@ def test_a_crossing_in_the_middle_of_a_step_is_in_it_however_short_it_is(half, s
 
 @pytest.mark.parametrize(("turns", "met"), [(0, 2), (1, None)])
 def test_a_crossing_is_in_the_step_that_has_its_time_and_its_pose(turns, met):
-    """Found from steps beside it; not in one whose coupler is a whole turn further."""
+    """Found from steps beside it; not in one whose coupler is a whole turn further, nor where Newton finds no point."""
     times = math.pi - 0.5 + np.array([-0.5, -0.4, -0.1, 0.1, 0.4, 0.5])
     sweep, _ = stepped(PARALLELOGRAM, ("open",) * 6, times)
     q = np.array(sweep.q).T
     q[5, 2:4] += turns * math.tau
 
     assert step_over_crossing(sweep.system, sweep.t, q, [0, 4, 2]) == met
+    assert step_over_crossing(sweep.system, sweep.t, q + 1e9, [0, 4, 2]) is None
+
+
+@pytest.mark.parametrize("steps", [[4], [0, 4], [0, 2, 4, 6]])
+def test_a_crossing_is_looked_for_from_the_middle_of_the_first_step_and_of_the_middle_one(steps):
+    """The crank swings through its flat pose at each multiple of pi: from step 0 Newton comes to that at 2 pi."""
+    times = math.tau * np.array([1.05, 1.08, 1.12, 1.16, 1.97, 2.03, 2.1, 2.2])
+    sweep, _ = stepped(
+        PARALLELOGRAM, ("open",) * 8, times, Sinusoid(offset=math.pi, amplitude=0.5, angular_frequency=1.0)
+    )
+
+    assert step_over_crossing(sweep.system, times, np.array(sweep.q).T, steps) == 4
 
 
 def test_the_worse_of_two_bounds_widens_a_tube():
