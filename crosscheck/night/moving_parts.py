@@ -176,7 +176,7 @@ class SceneDrawing:
         """Return how far an error moves the joint points at most, to first order, in pixels."""
         there = [math.hypot(*(self._seen(q + off, *pin) - self._seen(q, *pin))) for pin in self.pins]
         turned = [abs(off[3 * self.names[b] + 2]) * math.hypot(*point) for b, point in self.pins if b in self.names]
-        first = max((abs(x) for x in [*off[0::3], *off[1::3]]), default=0.0)
+        first = np.max(np.abs([*off[0::3], *off[1::3]]))
         return float(self.view.scale * max([*there, *turned, first]))
 
     def _arrows(self, q: Any, rates: Sequence[Any], off: Any) -> tuple[float, list[list[float]]]:

@@ -237,6 +237,21 @@ def test_in_the_plane_a_shift_of_less_than_a_rounding_is_magnified_as_well(entry
     assert limit / 2.51 < mark["factor"] <= limit
 
 
+@pytest.mark.parametrize(("linkage", "lengths"), [(PLANE, 2), (SPACE[0], 3)], ids=["plane", "space"])
+def test_an_error_moves_points_by_its_shift_or_by_its_turn_and_their_distance(linkage: Any, lengths: int) -> None:
+    """In space by the largest distance of all, and by twice what Euler parameters are off."""
+    scene, motion = solved(linkage)
+    picture, points = drawing_of(scene, motion), held(scene.mechanism)
+    arms = np.array([max(math.hypot(*point) for point in points[body]) for body in motion.bodies])
+    of_turn = arms if lengths == 2 else np.full(3, 2.0 * arms.max())
+    moved = np.hstack([np.ones((3, lengths)), np.tile(of_turn[:, None], (1, len(motion.q) // 3 - lengths))])
+
+    for off, wanted in zip(1e-20 * np.eye(len(motion.q)), moved.ravel(), strict=True):
+        assert picture._moved(motion.q[:, 3], off) == pytest.approx(
+            picture.view.scale * 1e-20 * wanted, rel=1e-12, abs=0.0
+        )
+
+
 @pytest.mark.parametrize("entry", [1, 4], ids=["shifted", "turned"])
 def test_in_space_an_error_is_magnified_as_far_as_it_stays_a_small_one_that_can_be_seen(entry: int) -> None:
     """The shift of the coupler, or a part of its Euler parameters: half of what it turns by."""
