@@ -181,23 +181,30 @@ def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_a
 
 @pytest.mark.parametrize("doubted", ["", "its range", "its ends", "its last pose"])
 def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monkeypatch, doubted):
-    law, right = Sinusoid(amplitude=0.3, angular_frequency=9.0, offset=1.0), passages.position
-    sweep = started(law)
+    """By 1.3 and 0.7 from 1 to the last value; a coordinate of the pose there may be off by round-off."""
+    law = Sinusoid(amplitude=0.3, angular_frequency=9.0, offset=1.0)
+    sweep, lines, right, line = started(law), [], passages.position, passages._with_line
+    q = passages.over_a_range(sweep, 7.0, extrema(law, 0.0, 7.0))
+    last, off = sweep.system.phi_q(q, 7.0), passages.SAME * max(1.0, np.max(np.abs(q))) * (1.1 if doubted else 0.9)
 
     def beside(*args):
         result = right(*args)
-        return replace(result, q=result.q + 1e-6)
+        return replace(result, q=result.q + off * (np.arange(9) == 4))
 
+    monkeypatch.setattr(passages, "_with_line", lambda *given: lines.append(given[2:]) or line(*given))
     if doubted == "its range":
         monkeypatch.setattr(Sweep, "unproved", [0])
         monkeypatch.setattr(Sweep, "first_unproved", lambda *_: 0)
     elif doubted == "its ends":
-        monkeypatch.setattr(passages, "sigma_min", lambda *_: 0.5 * passages.CLEAR)
-    elif doubted == "its last pose":
+        clear = {True: 0.5 * passages.CLEAR, False: 1.0}
+        monkeypatch.setattr(passages, "sigma_min", lambda slope: clear[bool(np.allclose(slope, last, atol=1e-9))])
+    else:
         monkeypatch.setattr(passages, "position", beside)
     pose = passages.over_a_range(sweep, 7.0, extrema(law, 0.0, 7.0))
 
     assert (pose is None) == bool(doubted)
+    ways = [(1.0, 1.3), (1.3, 0.7), (0.7, law(7.0))]
+    assert np.array(lines) == pytest.approx(np.array(ways[: 1 if doubted == "its range" else 3]), abs=1e-12)
 
 
 @pytest.mark.parametrize(("turns", "moved", "known"), [(5, 0.0, True), (4, 0.0, False), (5, 0.01, False)])
