@@ -129,7 +129,7 @@ def _among_assemblies(
     if case.poses(t) is None:
         return Solutions((), search.gap), None
     near = _given(system, case, t)
-    if search.unassemblable or not search.poses:
+    if not search.poses:
         hidden = (search.gap or 0.0) <= np.max(residual_error(system, near, t))
         return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), search.gap)), mode
     at = next((k for k, there in enumerate(search.branches) if there == mode), None)
