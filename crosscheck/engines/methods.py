@@ -8,11 +8,8 @@ engine of a user's own appears in every table, and need say no more than its rou
 
 from __future__ import annotations
 
-import os
 import pickle
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -35,6 +32,7 @@ from crosscheck.engines import (
     refuse,
     terms_of,
 )
+from crosscheck.engines.undisturbed import quiet, undisturbed
 from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
@@ -334,21 +332,10 @@ def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
     plain = copied(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
 
     def asked(order: int) -> Motion:
-        with undisturbed():
+        with quiet():
             return engine.solve(replace(plain, effects=ORDERS[order]), route)
 
     return Model(asked, levels_of)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
-    folder = os.getcwd()
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        try:
-            yield
-        finally:
-            os.chdir(folder)
 
 
 def levels_of(motion: Motion) -> list[Array]:

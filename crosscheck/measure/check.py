@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints, terms_of
-from crosscheck.engines.methods import Use, copied, methods, undisturbed
+from crosscheck.engines.methods import Use, copied, methods
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import (
     ABSOLUTE,

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 from crosscheck.engines import QUANTITIES, Engine, Level, load, refused_joints
 from crosscheck.engines.methods import copied
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
@@ -127,7 +128,8 @@ def _form_faults(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
     if not isinstance(engine.version(), str):
         yield LevelFault(FORM, f"version(): expected a text, got {engine.version()!r}")
     try:
-        motion = engine.solve(copied(scene), engine.routes()[0])
+        with undisturbed():
+            motion = engine.solve(copied(scene), engine.routes()[0])
     except Exception:  # a refusal, or what `check` meets again and names
         return
     yield from (LevelFault(FORM, f"solve(): {why}") for why in misshapen(scene, motion))

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.engines import Engine, load
-from crosscheck.engines.methods import undisturbed
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, key_of
 from crosscheck.scenes.drawing import describe, draw

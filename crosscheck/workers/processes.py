@@ -231,7 +231,8 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
 def _begun(function: Callable[..., None], printing: Any, living: Any, *arguments: Any) -> None:
     """Call a function in a process whose standard output and error are a pipe: results go through another alone.
 
-    It is a group of its own, with what an engine starts in it, and may start processes as any program may.
+    It is a group of its own, with what an engine starts in it, and may start processes as any program may. A copy of
+    itself that an engine forks, and that comes back from it, has no pipe for results, and ends without a word.
     """
     for stream in (1, 2):
         os.dup2(printing.fileno(), stream)
@@ -239,8 +240,14 @@ def _begun(function: Callable[..., None], printing: Any, living: Any, *arguments
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
         _end_with_parent(living)
+        os.register_at_fork(after_in_child=arguments[-1].close)
     multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-    function(*arguments)
+    process = os.getpid()
+    try:
+        function(*arguments)
+    finally:
+        if os.getpid() != process:
+            os._exit(0)
 
 
 def _end_with_parent(living: Any) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import PRICED, Use, method, methods, undisturbed
+from crosscheck.engines.methods import PRICED, Use, method, methods
 from crosscheck.engines.tree.newton import _extrapolated
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene

@@ -278,6 +278,44 @@ def test_an_engine_may_start_processes_and_none_outlives_its_worker(tmp_path, un
     assert alive([int(note.read_text())]) == []
 
 
+FORKING = """
+        from multiprocessing.util import Finalize
+        Finalize(None, os.write, (2, b"ended as itself"), exitpriority=0)
+        os.fork()
+"""
+
+
+def test_the_copy_of_an_engine_that_forks_answers_to_nobody(tmp_path, undisturbed, capfd):
+    records, _ = run_with(tmp_path, FORKING.strip())
+
+    assert records == undisturbed
+    assert "ended" not in capfd.readouterr().err
+
+
+MEDDLING = """
+        import builtins, math, sys
+        sys.stdout.close(), sys.stderr.close()
+        os.environ.clear()
+        np.linalg.norm, np.max, math.sin, builtins.open = [lambda *given, **named: 1.0 / 0.0] * 4
+"""
+PRINTING = """
+        os.environ["PATH"]
+        print("first"), os.write(1, b"second"), np.linalg.norm(np.ones(3))
+"""
+
+
+def test_an_engine_that_closes_streams_and_binds_names_of_numpy_anew_spoils_no_other(tmp_path, undisturbed, capfd):
+    specs = {"fake": engine_file(tmp_path, before=PRINTING.strip())}
+    specs = {"meddling": engine_file(tmp_path, name="meddling", after=MEDDLING.strip()), **specs}
+    with checkers(1, {"closed_form": "closed_form", **specs}) as workers:
+        records = checked(workers, 3)
+
+    for key, record in records.items():
+        of_others = {k: [row for row in record[k] if row["engine"] != "meddling"] for k in ("answers", "disagreements")}
+        assert of_others == {k: undisturbed[key][k] for k in of_others}
+    assert capfd.readouterr().err.count("second") >= 3
+
+
 def test_what_a_process_started_ends_with_it_although_it_ended_well():
     (pid,) = call_each(partial(os.spawnlp, os.P_NOWAIT, "sleep", "sleep"), ["100"])
     end = time.monotonic() + 20.0
