@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from refkin.differences import EPS
 from refkin.errors import InvalidRequest, UnknownName
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
@@ -27,7 +28,9 @@ from refkin.proof.path.tracing import Trace, Tracer
 from refkin.proof.path.tracing import TraceEnd as PathEnd
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.limits import said_if_long
+from refkin.solving.solve import end_of_profile
 from refkin.solving.starts import find_start
+from refkin.solving.table_ends import continued, ends
 from refkin.system import System, compile_system
 
 _ITSELF = Polynomial(coefficients=(0.0, 1.0))
@@ -191,7 +194,7 @@ def follow(
     ValueError
         If a system is given without a pose to start from, or drivers whose rates are beyond float64.
     """
-    system = compile_system(given.mechanism, unit=given.mechanism.unit())
+    system = compile_system(continued(given.mechanism), unit=given.mechanism.unit())
     message, limits = "", until or (-math.inf, math.inf)
     if isinstance(start, Bifurcation):
         q, t = system.to_unit(start.q), start.t
@@ -206,14 +209,16 @@ def follow(
         raise ValueError("a system alone does not say where to start: give (q, t)")
     frames = recentred(system)
     if q is None:
-        return _Continuation(frames, None).path(Trace(), message)
+        return _Continuation(frames, None, limits).path(Trace(), message)
     q = frames.inward(q)
-    curve = Curve.through(frames.inner, q, np.linspace(*limits, 9) if np.isfinite(limits).all() else [t])
-    continuation, unit = _Continuation(frames, curve), curve.scale[-1]
+    known = list(ends(system.mechanism.constraints))
+    within = max(limits[0], *(low for _, low, _ in known)), min(limits[1], *(high for *_, high in known))
+    curve = Curve.through(frames.inner, q, np.linspace(*within, 9) if np.isfinite(within).all() else [t])
+    continuation, unit = _Continuation(frames, curve, within), curve.scale[-1]
     if not unit > 0.0:
         raise InvalidRequest("law", "drivers whose rates float64 holds, between the first time and the last", "inf")
     endless = bool(np.isinf(limits).all()) and _is_driven_angle(system.mechanism)
-    tracer = Tracer(curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
+    tracer = Tracer(curve, (within[0] / unit, within[1] / unit), max_step, most_points, endless)
 
     def chooser(number: int, branch_point: Crossing, incoming: Any) -> Any:
         tangent = choose(continuation.bifurcation(number, branch_point, incoming)) if choose else None
@@ -245,10 +250,10 @@ def driven_by(scene: Scene, driver: str) -> Scene:
 
 
 class _Continuation:
-    """Points of the curve in moved frames and units, as poses [m, rad] of the mechanism, and back."""
+    """Points of the curve in moved frames and units, as poses [m, rad] of the mechanism, and back; t is in `limits`."""
 
-    def __init__(self, frames: Recentred, curve: Any) -> None:
-        self.frames, self.curve = frames, curve
+    def __init__(self, frames: Recentred, curve: Any, limits: tuple[float, float]) -> None:
+        self.frames, self.curve, self.limits = frames, curve, limits
 
     def pose(self, x: Any) -> tuple[Any, float]:
         """Return q [m, rad] and t of a point."""
@@ -278,9 +283,12 @@ class _Continuation:
         poses = [self.pose(x) for x in trace.points]
         q = np.array([pose[0] for pose in poses]).reshape(len(poses), system.n).T
         t = np.array([pose[1] for pose in poses])
+        for limit in filter(math.isfinite, self.limits):  # in the units of the curve it may be a rounding off
+            t[np.abs(t - limit) <= EPS * abs(limit)] = limit
         residual, radius = _evidence(system, q, t)
         driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
         own = (f"{d.name} [{'rad' if d.type == ANGLE else 'm'}]" for d in driven)
+        why = _why(system, trace.end, q[:, -1], t[-1]) if poses else str(trace.end)
         return Path(
             t=t,
             q=q[: system.of_bodies],
@@ -291,7 +299,7 @@ class _Continuation:
             turning_points=tuple(TurningPoint(float(t[k]), q[:, k], k, up) for k, up in trace.turning),
             bifurcations=tuple(self.bifurcation(*branch_point) for branch_point in trace.crossings),
             end=trace.end,
-            message="; ".join(filter(None, (message, str(trace.end)))),
+            message="; ".join(filter(None, (message, why))),
             parameter=next(own, "t [s]"),
         )
 
@@ -306,6 +314,15 @@ class _Continuation:
             else:
                 vectors.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
         return vectors
+
+
+def _why(system: System, end: PathEnd, q: Any, t: float) -> str:
+    """Return why a path ends with a pose [m, rad], in words."""
+    tables = [name for name, *known in ends(system.mechanism.constraints) if t in known]
+    if end is PathEnd.RANGE and tables:
+        return f"{end}: the table of {tables[0]} ends"
+    cam = end_of_profile(system, system.to_unit(q)) if end is PathEnd.STOPPED else ""
+    return f"the contact of {cam} leaves its profile" if cam else str(end)
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

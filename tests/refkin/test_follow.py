@@ -21,6 +21,7 @@ from refkin import (
     Scene,
     Sinusoid,
     SliderCrank,
+    Table,
     YDriver,
     compile_system,
 )
@@ -308,8 +309,7 @@ def test_a_path_stops_where_the_table_of_its_law_ends():
     law = refkin.Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.0, 0.5, 0.3, 0.9))
     path = refkin.follow(LIMITED.scene(law=law, times=(0.5,)))
 
-    assert path.end is TraceEnd.STOPPED
-    assert path.t[-1] == pytest.approx(3.0, abs=1e-9)
+    assert (path.end, path.t[-1]) == (TraceEnd.RANGE, 3.0)
 
 
 @pytest.mark.parametrize("most", [1, 2, 33, 34, 35])
@@ -599,3 +599,37 @@ def test_a_path_whose_drivers_leave_float64_is_refused():
 
     with pytest.raises(refkin.InvalidRequest, match="rates"):
         refkin.follow(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=law, times=(0.0, 10.0)))
+
+
+KNOWN = Table(argument=(0.0, 0.5, 1.0, 2.0), value=(0.3, 0.6, 0.7, 1.1))
+
+
+def by_table(linkage, of_rate):
+    scene = linkage.scene(law=KNOWN, times=(0.25,))
+    (driver,) = scene.mechanism.drivers
+    own = replace(driver, law=None, rate_law=KNOWN, initial=0.3) if of_rate else driver
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(own,)))
+
+
+@pytest.mark.parametrize("until", [None, (-3.0, 3.0)])
+@pytest.mark.parametrize(("direction", "last"), [(1, 2.0), (-1, 0.0)])
+@pytest.mark.parametrize("of_rate", [False, True])
+def test_a_path_ends_where_the_table_of_a_law_does_and_says_so(of_rate, direction, last, until):
+    path = refkin.follow(by_table(ROCKER, of_rate), direction=direction, until=until)
+
+    assert path.end is TraceEnd.RANGE
+    assert path.message.endswith("t leaves its range: the table of driver ends")
+    assert path.t[-1] == last
+    assert np.all(path.radius < 1e-12)
+
+
+def test_a_path_ends_where_the_profile_of_a_cam_does_and_says_so():
+    profile = Polar(law=Table(argument=(-0.6, 0.0, 0.5, 1.0), value=(1.0, 1.1, 1.3, 1.2)))
+    joints, _ = cam(profile, "point", guide("follower"))
+    turn = AngleDriver(name="motor", body="cam", law=Polynomial(coefficients=(0.0, 1.0)))
+    start = math.pi / 2 - 0.3
+    bodies = Body(name="cam", estimate=(0.0, 0.0, start)), Body(name="follower", estimate=(0.0, 1.2, 0.0))
+    path = refkin.follow(Scene(mechanism=Mechanism(bodies=bodies, joints=joints, drivers=(turn,)), times=(start,)))
+
+    assert path.end is TraceEnd.STOPPED
+    assert path.message.endswith("the contact of contact leaves its profile")
