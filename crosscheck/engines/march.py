@@ -130,7 +130,7 @@ def march(
                     break
                 # an engine's own Newton goes from pose to pose, and only it resumes: none of its times is passed over
                 tried = 1 if halvings == HALVINGS or hasattr(equations, "closed") else 2 * tried
-                poses = advance(equations, last, t[k : k + tried], halvings)
+                poses = _advance(equations, last, t[k : k + tried], halvings)
                 lost = int(np.argmax(np.append(poses.known[:-1], True)))
                 path.append(poses[:lost])
                 pose, k = poses[lost : lost + 1], k + lost
@@ -305,7 +305,7 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
 
 
 def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
-    """Return whether the tangents of poses a lead to poses b, (B,): what `advance` asks of a step, and more.
+    """Return whether the tangents of poses a lead to poses b, (B,): what `_advance` asks of a step, and more.
 
     Newton contracts if from the tangent its first correction leads to b but for a small part of itself: about half of
     what the Jacobian changes by, relative to itself, on a way as long as the tangent is off. Where that is far below
@@ -335,7 +335,7 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 # one step after another
 
 
-def advance(equations: Equations, last: Poses, times: Array, halvings: int = HALVINGS) -> Poses:
+def _advance(equations: Equations, last: Poses, times: Array, halvings: int = HALVINGS) -> Poses:
     """Return the poses at times (B,) on the branch of `last`, where there is one: each on a way of its own (`_way`).
 
     The next pose of every way that has not ended is closed together with those of the others.

@@ -171,10 +171,10 @@ def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int
 
 def read(text: str | None = None) -> tuple[KnownGap, ...]:
     """Return the rows of the table; raises InvalidGap naming the row and key that is wrong."""
-    return rows_of(KnownGap, "gap", "known_gaps.toml", text)
+    return _rows_of(KnownGap, "gap", "known_gaps.toml", text)
 
 
-def rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]:
+def _rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]:
     """Return the rows that stand under a key in TOML: in a file beside this module, or in a text of its form.
 
     What a person writes there says something: an empty text would be taken for what is left out, which is any.
@@ -242,7 +242,7 @@ class Finding(Strict):
 
 def read_findings(text: str | None = None) -> tuple[Finding, ...]:
     """Return the findings; raises InvalidGap naming the finding and key that is wrong."""
-    return rows_of(Finding, "finding", "findings.toml", text)
+    return _rows_of(Finding, "finding", "findings.toml", text)
 
 
 def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:

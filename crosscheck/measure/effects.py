@@ -141,7 +141,7 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], EngineError)}
     timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
     there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
-    return there + [unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
+    return there + [_unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 
 
 def _answer(work: Any, scene: Scene) -> Motion | EngineError:
@@ -163,13 +163,13 @@ def _row(
 ) -> EffectRow:
     off, on, key = answers[a.off], answers[a.on], ablated.method.key
     if isinstance(off, EngineError):
-        return unmeasured(key, a.effect, f"no answer without it: {off}")
+        return _unmeasured(key, a.effect, f"no answer without it: {off}")
     if isinstance(on, EngineRefusal):
-        return unmeasured(key, a.effect, str(on))
+        return _unmeasured(key, a.effect, str(on))
     if isinstance(on, EngineError):
-        return unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
+        return _unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
     if a.on == "points" and not on.points:
-        return unmeasured(key, a.effect, "the adapter reports no motion of points")
+        return _unmeasured(key, a.effect, "the adapter reports no motion of points")
     changed = change(ref, off, on, terms, exact=ablated.method.engine == REFKIN)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
@@ -210,7 +210,7 @@ def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> 
     return max(max(differences) - min(differences), min(before) - min(after)) * per
 
 
-def unmeasured(key: tuple[str, str, str], effect: str, note: str, inert: bool | None = None) -> EffectRow:
+def _unmeasured(key: tuple[str, str, str], effect: str, note: str, inert: bool | None = None) -> EffectRow:
     """Return the row of an effect without a price: not known to be inert, or known not to be."""
     who: Any = dict(zip(KEY, key, strict=True))
     return EffectRow(**who, effect=effect, inert=inert, called_for=effect not in PHYSICAL, note=note)
@@ -287,7 +287,7 @@ def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
     ledger: list[EffectRow] = []
     for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            ledger.append(unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
+            ledger.append(_unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
         else:
             ledger += answer
     return ledger

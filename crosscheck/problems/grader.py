@@ -29,7 +29,7 @@ def side(given: Any, right: Any) -> int:
     return -1 if sum(Decimal(str(x)) * Decimal(c) for x, c in pairs) < 0 else 1
 
 
-def distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
+def _distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
     """Return the largest difference of one time, in sizes and rad; infinite if a number is missing."""
     largest, units = Decimal(0), truth["units"]
     for body, place in truth["columns"].items():
@@ -46,13 +46,13 @@ def distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
     return largest
 
 
-def digits(given: Any, truth: Any, level: str) -> float:
+def _digits(given: Any, truth: Any, level: str) -> float:
     """Return the score of one level."""
     scores = []
     for k, right in enumerate(truth[level]):
         sizes = [Decimal(truth["size"]) if unit == "length" else 1 for unit in truth["units"]] * len(truth["columns"])
         scale = max(abs(Decimal(c)) / size for c, size in zip(right, sizes, strict=True))
-        relative = distance(given, right, truth, level, k) / (scale if level != "q" and scale else 1)
+        relative = _distance(given, right, truth, level, k) / (scale if level != "q" and scale else 1)
         scores.append(-relative.log10() if relative else MOST)
     return float(min(max(min(scores), Decimal(0)), MOST))
 
@@ -84,12 +84,12 @@ def grade(given: Any, truth: Any) -> dict[str, Any]:
                     "refused": f"{level} of {body}: {len(truth['t'])} rows of {len(truth['units'])} numbers expected"
                 }
     for k, others in enumerate(truth["others"]):
-        own = distance(given, truth["q"][k], truth, "q", k)
+        own = _distance(given, truth["q"][k], truth, "q", k)
         for name, pose in others.items():
-            if distance(given, pose, truth, "q", k) < own:
+            if _distance(given, pose, truth, "q", k) < own:
                 return {"refused": f"assembly '{name}' at t = {truth['t'][k]}, '{truth['assembly']}' is asked for"}
     answered = [level for level in LEVELS if all(given[body].get(level) for body in truth["columns"])]
-    return {LEVELS[level]: digits(given, truth, level) for level in answered}
+    return {LEVELS[level]: _digits(given, truth, level) for level in answered}
 
 
 def grade_all(answers: Any, folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -153,7 +153,7 @@ class Draft:
         stated = self.stated
         system = compile_system(stated.mechanism, unit=stated.mechanism.unit())
         solutions = _in_order(assemblies(system, stated.times[0]))
-        names = assembly_names(stated, system, solutions)
+        names = _assembly_names(stated, system, solutions)
         away = [round(_apart(system, solutions.poses[self.assembly], q), 6) for q in solutions.poses]  # mirrored: alike
         nearest = sorted(range(len(away)), key=away.__getitem__)[: MOST_OTHERS + 1]
         scenes = {names[k]: _scene(stated, system, solutions, k, f"{self.name} {names[k]}") for k in nearest}
@@ -181,7 +181,7 @@ def drafts(only: str = "") -> Iterator[Draft]:
                 yield Draft(f"{name}-{k + 1:02d}", name, stated, assembly)
 
 
-def assembly_names(stated: Stated, system: System, solutions: Assemblies) -> list[str]:
+def _assembly_names(stated: Stated, system: System, solutions: Assemblies) -> list[str]:
     """Return a name for each assembly at the first time."""
     if len(solutions.poses) < stated.assemblies:
         raise NotProved(f"{stated.title}: {len(solutions.poses)} assemblies, {stated.assemblies} expected")

@@ -116,7 +116,7 @@ class Plot:
         if len(placed) > 1:
             self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
         for x, y in placed:
-            marker(self.root, x, y, look)
+            _marker(self.root, x, y, look)
 
     def marks(self, points: Sequence[Mark], look: Style) -> None:
         """Draw a line with marks that can be pointed at, focused and read aloud through them."""
@@ -131,7 +131,7 @@ class Plot:
             ET.SubElement(group, "title").text = m.label
             around = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": "8", "fill": "transparent"}
             ET.SubElement(group, "circle", around)
-            marker(group, x, y, look)
+            _marker(group, x, y, look)
 
     def band(self, x: Sequence[float], low: Sequence[float], high: Sequence[float]) -> None:
         """Shade what lies between two lines."""
@@ -158,7 +158,7 @@ class Plot:
         return Markup(ET.tostring(self.root, encoding="unicode"))
 
 
-def marker(parent: ET.Element, x: float, y: float, look: Style) -> None:
+def _marker(parent: ET.Element, x: float, y: float, look: Style) -> None:
     """Draw a marker at pixels."""
     r = 3.6
     h = 0.87 * r
@@ -185,7 +185,7 @@ def swatch(look: Style, line: bool = True) -> Markup:
     if line:
         dash = {"stroke-dasharray": look.dash, "stroke-width": "1.5"}
         ET.SubElement(root, "polyline", {"points": "1,6 33,6", "fill": "none", "stroke": look.colour, **dash})
-    marker(root, 17, 6, look)
+    _marker(root, 17, 6, look)
     return Markup(ET.tostring(root, encoding="unicode"))
 
 

@@ -120,7 +120,7 @@ def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
     mechanism = scene.mechanism
     if scene.bodies_wanted is None or Evidence.CONDITION in scene.evidence:
         return mechanism
-    kept = bodies_needed(system, made, [*scene.wanted, *(p.body for p in scene.points)])
+    kept = _bodies_needed(system, made, [*scene.wanted, *(p.body for p in scene.points)])
     if len(kept) == len(mechanism.bodies):
         return mechanism
     known = {*kept, GROUND}
@@ -133,7 +133,7 @@ def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
     )
 
 
-def bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]:
+def _bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]:
     """Return the wanted bodies and all that their equations, and those of the bodies so found, hold."""
     names = [b.name for b in system.mechanism.bodies]
     owner = {c: names[c // system.kind.width] for c in range(system.of_bodies)}

@@ -38,14 +38,14 @@ class FaceOnDisc:
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
         a_i, a_j, d = arms(g, i, j)
-        block_i, block_j = face_gradient(j.turned(Vec(g[4], g[5])), d, a_i, a_j)
+        block_i, block_j = _face_gradient(j.turned(Vec(g[4], g[5])), d, a_i, a_j)
         return (block_i,), (block_j,)
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         a_i, a_j, d = arms(g, i, j)
         n = j.turned(Vec(g[4], g[5]))
-        return (face_gamma(n, d, gap_rate(a_i, a_j, i, j), drift(a_i, a_j, i, j), j.omega),)
+        return (_face_gamma(n, d, gap_rate(a_i, a_j, i, j), drift(a_i, a_j, i, j), j.omega),)
 
 
 class PointOnCurve:
@@ -87,7 +87,7 @@ class FaceOnCurve:
         gap = Gap(g, f, i, j, s)
         n = j.turned(Vec(g[4], g[5]))
         t, bend = gap.curve[1], gap.curve[2]
-        block_i, block_j = face_gradient(n, gap.w, gap.arm, gap.a_j)
+        block_i, block_j = _face_gradient(n, gap.w, gap.arm, gap.a_j)
         turn_i, turn_j = (0, 0, n.dot(t.perp())), (0, 0, n.perp().dot(t))
         return (block_i, turn_i), (block_j, turn_j), ((-n.dot(t),), (n.dot(bend),))
 
@@ -95,8 +95,8 @@ class FaceOnCurve:
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
         gap = Gap(g, f, i, j, s)
         n, t = j.turned(Vec(g[4], g[5])), gap.curve[1]
-        first = face_gamma(n, gap.w, gap.rate(), gap.drift(), j.omega)
-        return first, face_gamma(n, t, gap.curve_rate(1), gap.curve_drift(1), j.omega)
+        first = _face_gamma(n, gap.w, gap.rate(), gap.drift(), j.omega)
+        return first, _face_gamma(n, t, gap.curve_rate(1), gap.curve_drift(1), j.omega)
 
 
 class RollerOnCurve:
@@ -179,12 +179,12 @@ def curve(d: Any, e: Vec) -> list[Vec]:
     return derivatives
 
 
-def face_gradient(n: Vec, w: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:
+def _face_gradient(n: Vec, w: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:
     """Return the gradient of n . w for body i and for body j, which carries n."""
     block_i, (x, y, phi) = along(n, a_i, a_j)
     return block_i, (x, y, phi + n.perp().dot(w))
 
 
-def face_gamma(n: Vec, w: Vec, rate: Vec, bias: Vec, omega: Any) -> Any:
+def _face_gamma(n: Vec, w: Vec, rate: Vec, bias: Vec, omega: Any) -> Any:
     """Return minus the part of (n . w)'' that holds no acceleration, n turning with omega."""
     return n.dot(w) * (omega * omega) - n.perp().dot(rate) * (2 * omega) - n.dot(bias)

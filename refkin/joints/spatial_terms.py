@@ -123,10 +123,10 @@ class Across(Term):
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         ours, b = self._arms(g, i, j)
-        return tuple(-second(a, b.at, b.rate, b.drift) for a in ours)
+        return tuple(-_second(a, b.at, b.rate, b.drift) for a in ours)
 
 
-def second(a: Arm, b: Vec3, rate: Vec3, drift: Vec3) -> Scalar:
+def _second(a: Arm, b: Vec3, rate: Vec3, drift: Vec3) -> Scalar:
     """Return the part of (a . b)'' that holds no acceleration."""
     return a.drift.dot(b) + 2 * a.rate.dot(rate) + a.at.dot(drift)
 
@@ -154,18 +154,18 @@ class Guide(Term):
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
         gap = Gap(g, i, j)
-        return [guided(n, n.at, gap) for n in self._arms(g, i)]
+        return [_guided(n, n.at, gap) for n in self._arms(g, i)]
 
     def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         return (f[0][1],) if self.law else (0,) * self.rows
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         gap = Gap(g, i, j)
-        rows = tuple(-second(n, gap.d, gap.rate, gap.drift) for n in self._arms(g, i))
+        rows = tuple(-_second(n, gap.d, gap.rate, gap.drift) for n in self._arms(g, i))
         return (rows[0] + f[0][2],) if self.law else rows
 
 
-def guided(n: Arm, direction: Vec3, gap: Gap, towards: Vec3 | None = None) -> Row:
+def _guided(n: Arm, direction: Vec3, gap: Gap, towards: Vec3 | None = None) -> Row:
     """Return the gradient of a product of a vector of body i and d: by d along `direction`, by the vector `towards`."""
     block_i, block_j = gap.slopes(direction)
     by_n = n.slope(gap.d if towards is None else towards)
@@ -196,7 +196,7 @@ class Crossed(Term):
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
         if self.gap:
             gap, h = Gap(g, i, j), i.arm(*g[6:])
-            return [guided(h, e.cross(h.at), gap, gap.d.cross(e)) for e in AXES]
+            return [_guided(h, e.cross(h.at), gap, gap.d.cross(e)) for e in AXES]
         a, b = i.arm(*g[:3]), j.arm(*g[3:])
         return [((*AT_REST, *a.slope(b.at.cross(e))), (*AT_REST, *b.slope(e.cross(a.at)))) for e in AXES]
 
@@ -245,14 +245,14 @@ class Turn(Term):
         return tuple(2 * a.part(b, k) for k in self.places)
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
-        return turn_slopes(g, i, j, [lambda x, sign, k=k: x.times_axis(k) for k in self.places])
+        return _turn_slopes(g, i, j, [lambda x, sign, k=k: x.times_axis(k) for k in self.places])
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         a, b = _frames(g, i.pd, j.pd)
         return tuple(-4 * a.part(b, k) for k in self.places)
 
 
-def turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) -> list[Row]:
+def _turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) -> list[Row]:
     """Return the gradients of 2 <w, e> of the relative parameters e = conj(a) b, a = p_i c_i, b = p_j c_j.
 
     <w, e> is <a w conj(c_j), p_j> and <b conj(w) conj(c_i), p_i>. Each of the directions gives x w of (x, 1), and
@@ -294,7 +294,7 @@ class Angle(Term):
             towards: Quaternion = x.times_axis(2) * c + x * (-sign * s)
             return towards
 
-        rows = turn_slopes(g, i, j, [product])
+        rows = _turn_slopes(g, i, j, [product])
         if not self.counted:
             return rows
         e = relative(g, i, j)
@@ -359,7 +359,7 @@ class Sine(Term):
         (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
         values = [(a.at.dot(b.at), a.rate.dot(b.at) + a.at.dot(b.rate)) for a in (along, left)]
         (x, x_rate), (y, y_rate) = values
-        bias = second(left, b.at, b.rate, b.drift) * c - second(along, b.at, b.rate, b.drift) * s
+        bias = _second(left, b.at, b.rate, b.drift) * c - _second(along, b.at, b.rate, b.drift) * s
         turning = 2 * (y_rate * s + x_rate * c) * f[0][1] + (y * c - x * s) * (f[0][1] * f[0][1])
         return (turning + (y * s + x * c) * f[0][2] - bias,)
 

@@ -101,7 +101,7 @@ def a5(n: Arithmetic, given: Given) -> Values:
     return {"residual of iterate 5": millionths[5], "residual of iterate 4": millionths[4]}
 
 
-def problem_356(n: Arithmetic, given: Given, t: str = "0") -> SquareSystem:
+def _problem_356(n: Arithmetic, given: Given, t: str = "0") -> SquareSystem:
     """Return Problem 3.5.6 at a time, with the row's numbers."""
     reach = n(t) * n(given["speed"]) + n(given["reach"])
     return me451.problem_356(reach, n(given["ground"]), n(given["link"]))
@@ -114,11 +114,11 @@ def estimate_356(n: Arithmetic) -> Any:
 
 def a6(n: Arithmetic, given: Given) -> Values:
     """Problem 3.5.6 at t = 0, iterate by iterate."""
-    history = n.newton(problem_356(n, given), estimate_356(n), 6)
+    history = n.newton(_problem_356(n, given), estimate_356(n), 6)
     return {
         "q": history.iterates[:6],
         "correction": [np.sqrt(sum(c * c)) for c in history.corrections],
-        "root": n.root(problem_356(n, given), history.iterates[4]),
+        "root": n.root(_problem_356(n, given), history.iterates[4]),
     }
 
 
@@ -142,10 +142,10 @@ def a7(n: Arithmetic, given: Given) -> Values:
     q, poses = estimate_356(n), []
     for t in given["times"]:
         for part in range(1, 9):  # a step of the sweep at a time would do as well
-            system = problem_356(n, given, str(float(t) * part / 8))
+            system = _problem_356(n, given, str(float(t) * part / 8))
             q = n.root(system, q)
         poses.append(q)
-    return {"q": poses, "det at the last": n.det(problem_356(n, given, given["times"][-1]).phi_q(poses[-1]))}
+    return {"q": poses, "det at the last": n.det(_problem_356(n, given, given["times"][-1]).phi_q(poses[-1]))}
 
 
 def _a7_sweep(given: Given) -> Values:
@@ -153,11 +153,11 @@ def _a7_sweep(given: Given) -> Values:
     times = np.linspace(0.0, 4.0, 81)
     iterations, poses = [], {}
     for t in times:
-        result = newton(*problem_356(n, given, repr(float(t))), q, stop=CorrectionNorm(1e-8))
+        result = newton(*_problem_356(n, given, repr(float(t))), q, stop=CorrectionNorm(1e-8))
         q = result.q
         iterations.append(result.iterations)
         poses[round(float(t), 2)] = q
-    last = problem_356(n, given, given["times"][-1]).phi_q(q)
+    last = _problem_356(n, given, given["times"][-1]).phi_q(q)
     return {
         "q": [poses[float(t)] for t in given["times"]],
         "det at the last": np.linalg.det(last),
@@ -183,11 +183,11 @@ def a8(n: Arithmetic, given: Given) -> Values:
 
 def _a8_runs(n: Binary64, given: Given) -> Values:
     """Newton at the fold, and beyond it: with a cap, for there the slides' while loops never end."""
-    phi, phi_q = problem_356(n, given, given["at fold"])
+    phi, phi_q = _problem_356(n, given, given["at fold"])
     exact = np.array([0.85, 0.0, -np.pi / 2])
     result = newton(phi, phi_q, exact + np.array([-0.05, 0.05, 0.1]), stop=never, max_iterations=200)
     errors = np.max(np.abs(result.iterates - exact), axis=1)
-    beyond = newton(*problem_356(n, given, given["beyond"]), exact, stop=never, max_iterations=200)
+    beyond = newton(*_problem_356(n, given, given["beyond"]), exact, stop=never, max_iterations=200)
     return {
         "rate at the fold": linear_rate(errors, floor=1e-6).value,
         "error after 200": errors[-1],
@@ -237,7 +237,7 @@ def a10(n: Arithmetic, given: Given) -> Values:
 
 def a11(n: Arithmetic, given: Given) -> Values:
     """Velocity and acceleration of Problem 3.5.6 at t = 0."""
-    system, speed = problem_356(n, given), n(given["speed"])
+    system, speed = _problem_356(n, given), n(given["speed"])
     q = n.root(system, estimate_356(n))
     slope = system.phi_q(q)
     qd = n.solve(slope, me451.problem_356_nu(n(given["reach"]), speed))
@@ -261,7 +261,7 @@ def a12(n: Arithmetic, given: Given) -> Values:
     """The five forms of the code end at one answer; a fold is regular with its null vector among the unknowns."""
     if isinstance(n, Balls):
         return {}
-    system, q0 = problem_356(n, given), estimate_356(n)
+    system, q0 = _problem_356(n, given), estimate_356(n)
     ways: list[dict[str, Any]] = [
         {"stop": never, "max_iterations": 5},
         {"stop": never, "max_iterations": 6},
@@ -291,7 +291,7 @@ def a13(n: Arithmetic, given: Given) -> Values:
     """
     if isinstance(n, Binary64):
         return {}
-    system = problem_356(n, given)
+    system = _problem_356(n, given)
     q = n.root(system, estimate_356(n))
     slope = system.phi_q(q)
     qd = n.solve(slope, me451.problem_356_nu(n(given["reach"]), n(given["speed"])))
@@ -307,7 +307,7 @@ def a13(n: Arithmetic, given: Given) -> Values:
 def a14(n: Arithmetic, given: Given) -> Values:
     """The slides' stopping test: the norm of the correction below 1e-8."""
     if isinstance(n, Balls):
-        history = n.newton(problem_356(n, given), estimate_356(n), 6)
+        history = n.newton(_problem_356(n, given), estimate_356(n), 6)
         return {"last correction": np.sqrt(sum(c * c for c in history.corrections[5]))}
-    result = newton(*problem_356(n, given), estimate_356(n), stop=CorrectionNorm(float(given["tolerance"])))
+    result = newton(*_problem_356(n, given), estimate_356(n), stop=CorrectionNorm(float(given["tolerance"])))
     return {"iterations": result.iterations, "last correction": np.linalg.norm(result.corrections[-1])}

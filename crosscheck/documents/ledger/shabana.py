@@ -26,7 +26,7 @@ def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
     return [n(given[key]) for key in keys]
 
 
-def radians(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
+def _radians(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
     """Return some of the row's angles, which stand there in degrees."""
     return [n(given[key]) * n.pi / 180 for key in keys]
 
@@ -60,7 +60,7 @@ def refkin_d3(n: Binary64, given: Given) -> Values:
 def d4(n: Arithmetic, given: Given) -> Values:
     """Both assemblies of the offset slider-crank; what asin alone gives; the loop with its signs as first printed."""
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
-    (theta2,) = radians(n, given, "theta2")
+    (theta2,) = _radians(n, given, "theta2")
     sine, x = shabana.slider_crank_position(l2, l3, h, theta2, 1)
     _, x_minus = shabana.slider_crank_position(l2, l3, h, theta2, -1)
     theta3 = n.arcsin(sine)
@@ -88,7 +88,7 @@ def refkin_d4(n: Binary64, given: Given) -> Values:
 def d5(n: Arithmetic, given: Given) -> Values:
     """Velocity and acceleration of the slider-crank in closed form."""
     l2, l3, h, rate, second = numbers(n, given, "l2", "l3", "h", "theta2'", "theta2''")
-    (theta2,) = radians(n, given, "theta2")
+    (theta2,) = _radians(n, given, "theta2")
     theta3 = n.arcsin(shabana.slider_crank_position(l2, l3, h, theta2, 1)[0])
     velocity_ = shabana.slider_crank_velocity(l2, l3, theta2, theta3, rate)
     return {
@@ -138,7 +138,7 @@ def d6(n: Arithmetic, given: Given) -> Values:
 def d7(n: Arithmetic, given: Given) -> Values:
     """The Coriolis example: rates, accelerations, and both with the terms that are printed."""
     l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
-    (theta2,) = radians(n, given, "theta2")
+    (theta2,) = _radians(n, given, "theta2")
     q = n.root(shabana.coriolis_example(l1, l2, theta2), n.vector(given["estimate"]))
     qd = shabana.coriolis_velocity(l2, theta2, q, rate)
     matrix, right = shabana.coriolis_right_side(l2, theta2, q, qd, rate, second)
@@ -191,7 +191,7 @@ def refkin_d7(n: Binary64, given: Given) -> Values:
 def d8(n: Arithmetic, given: Given) -> Values:
     """The driven two-link arm: velocities, accelerations, C_t with nine entries."""
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
-    theta2, theta3 = radians(n, given, "theta2", "theta3")
+    theta2, theta3 = _radians(n, given, "theta2", "theta3")
     velocity_, acceleration_ = shabana.two_link_rates(l2, l3, theta2, theta3, w2, w3)
     return {"R2', R3'": velocity_, "R2'', R3''": acceleration_, "C_t": [0, 0, 0, 0, 0, 0, 0, -w2, -w3]}
 
@@ -199,8 +199,8 @@ def d8(n: Arithmetic, given: Given) -> Values:
 def refkin_d8(n: Binary64, given: Given) -> Values:
     """The same arm with bodies and joints, its link 1 a body that is fixed to the ground."""
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
-    theta2, theta3 = radians(n, given, "theta2", "theta3")
-    system = compile_system(two_link(l2, l3, (theta2, w2), (theta3, w3)))
+    theta2, theta3 = _radians(n, given, "theta2", "theta3")
+    system = compile_system(_two_link(l2, l3, (theta2, w2), (theta3, w3)))
     c2, c3 = (np.array([math.cos(a), math.sin(a)]) for a in (theta2, theta3))
     q = np.concatenate([[0.0] * 3, l2 / 2 * c2, [theta2], l2 * c2 + l3 / 2 * c3, [theta3]])
     qd = velocity(system, q, 0.0)
@@ -213,7 +213,7 @@ def refkin_d8(n: Binary64, given: Given) -> Values:
     }
 
 
-def two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[float, float]) -> Mechanism:
+def _two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[float, float]) -> Mechanism:
     """Return the two-link arm; each angle is driven by (value at t = 0, rate)."""
     joints = (
         Fixed(name="C1", body_i=GROUND, point_i=(0.0, 0.0), body_j="1", point_j=(0.0, 0.0)),

@@ -78,12 +78,12 @@ class Meeting:
 def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Meeting:
     """Return where two loci meet, lines before circles."""
     if isinstance(one, Line):
-        return lines(one, two, arithmetic) if isinstance(two, Line) else line_and_circle(one, two, arithmetic)
+        return _lines(one, two, arithmetic) if isinstance(two, Line) else line_and_circle(one, two, arithmetic)
     assert isinstance(two, Circle), "a line comes before a circle"
-    return circles(one, two, arithmetic)
+    return _circles(one, two, arithmetic)
 
 
-def lines(one: Line, two: Line, arithmetic: Arithmetic) -> Meeting:
+def _lines(one: Line, two: Line, arithmetic: Arithmetic) -> Meeting:
     """Solve n_1 . p = k_1, n_2 . p = k_2 by Cramer: singular where the lines are parallel."""
     det = one.normal.cross(two.normal)
     x = (one.level * two.normal.y - two.level * one.normal.y) / det
@@ -107,7 +107,7 @@ def line_and_circle(line: Line, circle: Circle, arithmetic: Arithmetic) -> Meeti
     return Meeting(foot, line.normal.perp().scaled(h), absent, singular, slacks)
 
 
-def circles(one: Circle, two: Circle, arithmetic: Arithmetic) -> Meeting:
+def _circles(one: Circle, two: Circle, arithmetic: Arithmetic) -> Meeting:
     """Solve |p - c_1| = a, |p - c_2| = b: p = c_1 + x e + s h e.perp(), e along D = |c_2 - c_1|.
 
     x = (D^2 + (a - b)(a + b)) / (2 D), h = sqrt((a+b-D)(a+b+D)(D+a-b)(D-a+b)) / (2 D) (Heron, factored so that neither

@@ -67,7 +67,7 @@ def float_solution(scene: Scene) -> Solution:
         If the linkage is not of class II.
     """
     solution = _with_turns(scene)
-    lost = lost_after(scene.times, lambda t: assembled(replace(scene, times=t), Floats()), _moves(solution))
+    lost = _lost_after(scene.times, lambda t: assembled(replace(scene, times=t), Floats()), _moves(solution))
     return replace(solution, lost_after=lost)
 
 
@@ -171,7 +171,7 @@ def rows_of(numbers: Sequence[Any], count: int) -> Any:
     return out
 
 
-def lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
+def _lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
     """Return the time from which the branch is not known: the first at which a slack is not positive; else inf.
 
     `moves` (T - 1,) says by how much anything moves in each interval, NaN where that is not known.

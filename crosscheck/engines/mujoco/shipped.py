@@ -85,7 +85,7 @@ class Simulation:
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
         self.rows.drive(t)
-        return at_rest(self.model, self.rows.columns, q, np.eye(self.model.nv))
+        return _at_rest(self.model, self.rows.columns, q, np.eye(self.model.nv))
 
 
 class SpaceSimulation(MujocoSpace):
@@ -119,7 +119,7 @@ class SpaceSimulation(MujocoSpace):
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
         for drive, equality, shift in self.driven:
             self.model.eq_data[equality, 0] = float(drive.law(t)) / drive.size - shift
-        pose, violation = at_rest(self.model, self.columns, self.coordinates(q), self.braked)
+        pose, violation = _at_rest(self.model, self.columns, self.coordinates(q), self.braked)
         if pose is None:
             return None, violation
         known = [x for e in self.tree.edges for x in [False] * (e.kind == Kind.SCREW) + [True] * WIDTH[e.kind]]
@@ -174,7 +174,7 @@ def freedoms(mechanism: Mechanism) -> int:
     return sum(edge.rates + (edge.kind == Kind.SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
 
 
-def at_rest(model: Any, columns: Array, q: Any, braked: Array) -> tuple[Array | None, float]:
+def _at_rest(model: Any, columns: Array, q: Any, braked: Array) -> tuple[Array | None, float]:
     """Return where a model comes to rest from q, None if it does not or MuJoCo warns that it went astray.
 
     `braked` (v, v) times the rates is what has to vanish. The other value is the largest violation of a constraint, in

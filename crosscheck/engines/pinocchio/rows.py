@@ -162,7 +162,7 @@ class EqualAngles(Anchor):
         return np.array(angles)[:, None]
 
 
-def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
+def _element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
     """Return the rows of one element, in its own order.
 
     Raises
@@ -189,7 +189,7 @@ class Rows:
 
     def __init__(self, planar: PlanarModel, elements: Sequence[Element], scaled: Scaling) -> None:
         self.planar = planar
-        self._rows = [element_rows(planar, element, scaled) for element in elements]
+        self._rows = [_element_rows(planar, element, scaled) for element in elements]
         ends = np.cumsum([0, *(row.count for row in self._rows)]).tolist()
         self.count, self._parts = ends[-1], [slice(a, b) for a, b in pairwise(ends)]
         self._work = dict[tuple[str, int, Points], Any]()

@@ -128,12 +128,12 @@ def reported(
     known = [numbers.levels(level, order) for order, level in enumerate(levels)]
     called = [True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects]
     shown = [level[wanted] if there else None for level, there in zip(known, called, strict=False)]
-    points = {p.name: point_motion(p.position, numbers.bodies.index(p.body), known, called) for p in scene.points}
+    points = {p.name: _point_motion(p.position, numbers.bodies.index(p.body), known, called) for p in scene.points}
     q, qd, qdd = [*shown, None, None][:3]
     return engine_motion(scene.times, scene.wanted, q, qd, qdd, status, producer, points=points, **more)
 
 
-def point_motion(u: Any, body: int, levels: list[Array], called: list[bool]) -> PointMotion:
+def _point_motion(u: Any, body: int, levels: list[Array], called: list[bool]) -> PointMotion:
     """Return how a point [m] of a body moves: A(p) u is a quadratic form, of which rates follow by its bilinear one."""
     at, u = [level[7 * body : 7 * body + 7] for level in levels], np.asarray(u, float)
     turned = [lambda: _form(at[0][3:], at[0][3:], u), lambda: 2.0 * _form(at[0][3:], at[1][3:], u)]

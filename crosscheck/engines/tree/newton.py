@@ -95,7 +95,7 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
     def listed(name: str, setting: str, **stop: Any) -> Method:
         def build(scene: Scene) -> Model:
             tree = SpaceScene.of(scene, space) if in_space(scene.mechanism) else tree_of(scene)
-            return Model(partial(newton_sweep, tree, **stop), tree.read)
+            return Model(partial(_newton_sweep, tree, **stop), tree.read)
 
         uses = frozenset({Use.PRICE})
         return Method(engine=engine, name=name, setting=setting, newton_by="the adapter", uses=uses, build=build)
@@ -117,7 +117,7 @@ def _in_space_alone(build: Callable[[Scene], Model], workload: Workload, order: 
     return one_by_one(build, workload, order)
 
 
-def newton_sweep(
+def _newton_sweep(
     tree: Tree | SpaceScene, order: int, *, limit: float = 0.0, most: int = CAP, extrapolated: bool = False
 ) -> list[Array]:
     """Return tree coordinates and rates (n, T) up to an order, NaN where a pose has none.

@@ -264,7 +264,7 @@ def tree_motion(
 
 def marched_motion(engine: TreeEngine, scene: Scene, poses: March, producer: Producer) -> Motion:
     """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
-    places = point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
+    places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
         scene.times,
@@ -282,7 +282,7 @@ def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list
 
     phi is the sum of the joint angles, with its turns; x and y are the engine's own.
     """
-    origins = point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
+    origins = _point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
     levels = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]
     for order, (rows, origin, q) in enumerate(zip(levels, origins, march.levels, strict=True)):
         rows[0::3], rows[1::3] = origin
@@ -291,7 +291,7 @@ def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list
     return levels
 
 
-def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Any]]) -> list[Array]:
+def _point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Any]]) -> list[Array]:
     """Return per level position [m] of P points of bodies (each [m] in its body's frame), or its derivative, (2, P, T).
 
     NaN where there is none.

@@ -208,7 +208,7 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
     equations, q0 = LoopEquations(system), np.asarray(q0, float)
 
     def first(t: float) -> Poses:
-        q = start(system, q0, float(t), distance)
+        q = _start(system, q0, float(t), distance)
         at = np.full((1, system.n), np.nan) if q is None else (q * system.weights)[None]
         return close_all(equations, at, np.array([t]))
 
@@ -221,7 +221,7 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
     return LoopMarch(np.asarray(times, float), q, qd, qdd, status, poses.residual * known)
 
 
-def start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Any:
+def _start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Any:
     """Return the unknowns at t that an estimate leads to: those of Newton, if it contracts at once; None if none close.
 
     From any other estimate Newton may go anywhere: then damped Newton is run also from estimates in which one angle is
