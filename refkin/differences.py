@@ -52,6 +52,8 @@ def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_ST
         From (n,) to (m,). For the complex step it must be analytic: no abs, no comparison.
     x, h : (n,) array
         Where, and by which steps; by default those of `step`.
+    scheme : Scheme
+        Which difference.
     """
     x = np.asarray(x, float)
     steps = np.broadcast_to(step(scheme, x) if h is None else h, x.shape)

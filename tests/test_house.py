@@ -87,16 +87,16 @@ def test_the_reference_is_read_in_one_sitting():
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
     assert lines(spine) <= 1140
-    assert lines(spine) + lines(joints) - lines(of_space) <= 1876
-    assert lines(of_space) <= 953  # the second chapter that may be left for another day: bodies of space
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1881
+    assert lines(of_space) <= 956  # the second chapter that may be left for another day: bodies of space
 
 
 def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 57_170
-    assert size["tests"] <= 42_421
+    assert size["refkin"] + size["crosscheck"] <= 57_467
+    assert size["tests"] <= 42_441
 
 
 ALL = ("refkin", "crosscheck", "tests")
@@ -295,6 +295,45 @@ def test_every_member_of_an_enumeration_says_what_it_means():
 
     assert len(members) > 100
     assert [f"{m}.{n.name}: {ast.unparse(n.body[k])}" for m, n, k in members if not is_said(n, k)] == []
+
+
+def of_three_or_more():
+    """Yield (module, function) for the public functions of a module's own with three arguments or more."""
+    for module, path in modules().items():
+        for node in tree(path).body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and len(arguments(node)) > 2:
+                yield module, node
+
+
+def arguments(node):
+    """Return the names of a function's arguments; Hypothesis hands over the one with which a composite draws."""
+    a = node.args
+    starred = [f"{stars}{x.arg}" for stars, x in (("*", a.vararg), ("**", a.kwarg)) if x]
+    plain = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+    composite = any("composite" in named(x) for x in node.decorator_list)
+    return {*plain[composite:], *starred}
+
+
+def parameters(node):
+    """Return the names in the Parameters section of a function; None if it has none."""
+    section = re.search(r"^Parameters\n-+\n(.*?)(\n\n|\Z)", ast.get_docstring(node) or "", re.DOTALL | re.MULTILINE)
+    heads = re.findall(r"^(\S.*?)(?: : .*)?$", section[1], re.MULTILINE) if section else ()
+    return {name for head in heads for name in head.split(", ")} if section else None
+
+
+MOST_WITHOUT = 192
+"""Public functions of three arguments or more that have not all of them in a Parameters section: it may only fall."""
+
+
+def test_arguments_are_said_in_parameters_sections_that_cannot_go_stale():
+    """A command leaves out what every command has: its help is made of the section."""
+    of_reference = [n for m, n in of_three_or_more() if m.startswith("refkin.") and layer(m) == "reference"]
+    sections = [(m, n.name, parameters(n), arguments(n)) for m, n in of_three_or_more()]
+    missing = [f"{m}.{n}" for m, n, said, all_ in sections if said != all_ and not (said and ".commands." in m)]
+
+    assert [f"{m}.{n}: {said - all_}" for m, n, said, all_ in sections if said and said - all_] == []
+    assert [n.name for n in of_reference if parameters(n) != arguments(n)] == []
+    assert len(missing) <= MOST_WITHOUT, missing
 
 
 def written_out(*values):

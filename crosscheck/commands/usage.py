@@ -87,7 +87,7 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
 
     Parameters
     ----------
-    heads : str
+    *heads : str
         Headings; one that begins with > is that of numbers, which stand at the right.
     rows : iterable of sequence, or None
         Text, other cells as `str` has them; None draws a line between two rows.

@@ -62,12 +62,16 @@ def motion(
 
     Parameters
     ----------
+    scene, system, made : Scene, System, Compiled
+        What was solved, and by which program.
     t : (T,) array
         Times [s].
     levels : list of (n, T) array
         Coordinates and rates as far as they are called for, in the system's scaled coordinates.
     pivot : (T,) array
         The smallest pivot of each sample.
+    message : str
+        What the motion says.
     """
     corrected = by_all_rows(system, levels, t) if system.m > system.n else levels
     if corrected is None:
@@ -220,7 +224,16 @@ def residual(system: System, q: Any, t: Any) -> Any:
 
 
 def residual_of_rows(system: System, q: Any, t: Any) -> Any:
-    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms."""
+    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms.
+
+    Parameters
+    ----------
+    system : System
+    q : (n, T) array
+        Poses, in the system's coordinates.
+    t : (T,) array
+        Times [s].
+    """
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
     turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
     rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]

@@ -27,8 +27,12 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Any:
 
     Parameters
     ----------
+    system, made : System, Compiled
+        What was solved, and by which program.
     levels : sequence of (n, T) array
         Coordinates, rates, accelerations in the system's coordinates, as many as the system's effects call for.
+    t : (T,) array
+        Times [s].
     """
     geometry = exact_geometry(system)
     proof = made.proof(zeros_of(geometry)) if len(levels) == made.levels else None

@@ -106,6 +106,7 @@ def compiled(system: System, rows: Sequence[int], geometry: Sequence[Sequence[An
 
     Parameters
     ----------
+    system : System
     rows : sequence of int
         The n rows that are solved: all, or independent ones where there are more.
     geometry : sequence

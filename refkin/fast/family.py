@@ -81,8 +81,13 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
 
     Parameters
     ----------
+    scene : Scene
     system : System
         That of the scene.
+    geometry : mapping
+        Joint -> key -> the numbers of that key, one row per mechanism [m, rad].
+    estimates : mapping, optional
+        Body -> its estimates, one row per mechanism [m, rad].
 
     Raises
     ------
@@ -182,7 +187,15 @@ def _reach(constraint: Constraint, size: int) -> Any:
 
 
 def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> list[float]:
-    """Return the times between a and b at which laws turn back in all mechanisms, in order."""
+    """Return the times between a and b at which laws turn back in all mechanisms, in order.
+
+    Parameters
+    ----------
+    constraints : tuple of Constraint
+        Those whose laws are asked.
+    a, b : float
+        Times [s].
+    """
     times: set[float] = set()
     for constraint in constraints:
         if constraint.laws and not has_rows(constraint.laws):
@@ -204,7 +217,17 @@ def _common(law: Law, a: float, b: float) -> list[float] | None:
 
 
 def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, samples: int) -> Any:
-    """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (samples,)."""
+    """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (samples,).
+
+    Parameters
+    ----------
+    constraints : tuple of Constraint
+        Those whose laws are asked.
+    a, b : float
+        Times [s].
+    samples : int
+        How many mechanisms there are.
+    """
     turning = np.zeros(samples, bool)
     for constraint in constraints:
         if not has_rows(constraint.laws):

@@ -236,7 +236,15 @@ class Guesses:
 
 
 def predicted(t: float, last: Pose, before: Pose | None) -> tuple[list[float], list[float]]:
-    """Return the core coordinates that two poses lead to, or one by its rates, and their rates."""
+    """Return the core coordinates that two poses lead to, or one by its rates, and their rates.
+
+    Parameters
+    ----------
+    t : float
+        Where to [s].
+    last, before : Pose
+        The latest pose, and the one before it, if there is one.
+    """
     if before is None:
         h = t - last.t
         first = [q + h * (v + 0.5 * h * a) for q, v, a in zip(*last.levels, strict=True)]
@@ -266,7 +274,15 @@ def _largest(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def coefficients(first: Levels, last: Levels, h: Any) -> list[tuple[Any, ...]]:
-    """Return per coordinate the six coefficients, that of the power 0 first."""
+    """Return per coordinate the six coefficients, that of the power 0 first.
+
+    Parameters
+    ----------
+    first, last : sequence of three sequences
+        Value, rate and second rate of each coordinate at both ends.
+    h : float
+        From end to end [s].
+    """
     rows = []
     for q0, v0, a0, q1, v1, a1 in zip(*first, *last, strict=True):
         step, bend = h * v0, h * h * a0
@@ -291,7 +307,13 @@ def slope(polynomial: Sequence[Any], s: Any) -> Any:
 
 
 def weights(before: float, last: float, t: float) -> tuple[list[float], list[float]]:
-    """Return by what q, v, a at `before` and at `last` are multiplied to give the value, and the rate, at t."""
+    """Return by what q, v, a at `before` and at `last` are multiplied to give the value, and the rate, at t.
+
+    Parameters
+    ----------
+    before, last, t : float
+        Times [s].
+    """
     unit = [[float(k == m) for m in range(6)] for k in range(6)]
     h = last - before
     s = (t - before) / h

@@ -116,6 +116,13 @@ def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
     """Return the mechanism without the bodies that nothing wanted depends on.
 
     A condition number is that of the whole mechanism, so a scene that asks for it keeps all bodies.
+
+    Parameters
+    ----------
+    scene, system : Scene, System
+        What is asked, and the whole mechanism compiled.
+    made : Compiled
+        Its program, which says what follows from what.
     """
     mechanism = scene.mechanism
     if scene.bodies_wanted is None or Evidence.CONDITION in scene.evidence:

@@ -23,6 +23,7 @@ def by_all_rows(system: System, levels: list[Any], t: Any) -> list[Any] | None:
 
     Parameters
     ----------
+    system : System
     levels : list of (n, T) array
         Coordinates and rates as far as they are called for, in the system's scaled coordinates.
     t : (T,) array

@@ -240,24 +240,52 @@ class Constraint:
 
 
 def turned_points(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec]:
-    """Return a_i = A_i point_i and a_j = A_j point_j (J1); the points stand first in g."""
+    """Return a_i = A_i point_i and a_j = A_j point_j (J1); the points stand first in g.
+
+    Parameters
+    ----------
+    g : sequence of float
+        A joint's scaled geometry: `point_i`, `point_j`, and what its type has besides.
+    i, j : BodyValues
+        The two bodies' poses, scaled.
+    """
     return i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
 
 
 def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
-    """Return a_i, a_j and d = r_j + a_j - r_i - a_i (J1)."""
+    """Return a_i, a_j and d = r_j + a_j - r_i - a_i (J1).
+
+    Parameters
+    ----------
+    g, i, j
+        As for `turned_points`.
+    """
     a_i, a_j = turned_points(g, i, j)
     return a_i, a_j, j.r + a_j - i.r - a_i
 
 
 def drift(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
-    """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j (J2)."""
+    """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j (J2).
+
+    Parameters
+    ----------
+    a_i, a_j : Vec
+        Vectors that turn with their bodies, scaled.
+    i, j : BodyValues
+        The two bodies, with the rates that they have.
+    """
     bias: Vec = a_i * (i.omega * i.omega) - a_j * (j.omega * j.omega)
     return bias
 
 
 def gap_rate(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
-    """Return d' = v_j + omega_j a_j.perp() - v_i - omega_i a_i.perp()."""
+    """Return d' = v_j + omega_j a_j.perp() - v_i - omega_i a_i.perp().
+
+    Parameters
+    ----------
+    a_i, a_j, i, j
+        As for `drift`.
+    """
     rate: Vec = j.v + a_j.perp() * j.omega - i.v - a_i.perp() * i.omega
     return rate
 
@@ -268,5 +296,13 @@ def offset(f: Any, order: int) -> Vec:
 
 
 def along(n: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:
-    """Return the gradient of n . d with n held fixed, for body i and for body j."""
+    """Return the gradient of n . d with n held fixed, for body i and for body j.
+
+    Parameters
+    ----------
+    n : Vec
+        The direction.
+    a_i, a_j : Vec
+        The arms of d, as `arms` returns them.
+    """
     return (*(-n).parts, -n.dot(a_i.perp())), (*n.parts, n.dot(a_j.perp()))

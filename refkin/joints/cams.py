@@ -220,6 +220,8 @@ def initial_contacts(system: Any, q: Any, t: float) -> Any:
     system : refkin.system.System
     q : (n,) array
         A pose at time t [s], or an estimate of one; its contact parameters are not looked at.
+    t : float
+        When [s].
     """
     q = np.array(q, float)
 

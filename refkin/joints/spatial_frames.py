@@ -54,7 +54,13 @@ def frame(axis: Triple, zero: Triple | None) -> tuple[Vec3, Vec3, Vec3]:
 
 
 def parameters_of(f: Vec3, g: Vec3, h: Vec3) -> tuple[Scalar, ...]:
-    """Return the Euler parameters c of a frame: 4 c c^T is the matrix below, of which the longest row is taken."""
+    """Return the Euler parameters c of a frame: 4 c c^T is the matrix below, of which the longest row is taken.
+
+    Parameters
+    ----------
+    f, g, h : Vec3
+        The frame's axes: unit vectors, each at a right angle to the others.
+    """
     (a, d, k), (b, e, m), (c, n, i) = f.parts, g.parts, h.parts
     rows = (
         (1 + a + e + i, m - n, c - k, d - b),
@@ -93,7 +99,17 @@ def turns(c: Any) -> tuple[Scalar, ...]:
 
 
 def points(c: Any, unit: Unit, shift: Scalar | None = None) -> tuple[Scalar, ...]:
-    """Return a joint's two points, scaled; or, for the second, one that far from it along the axis there."""
+    """Return a joint's two points, scaled; or, for the second, one that far from it along the axis there.
+
+    Parameters
+    ----------
+    c : SpatialJoint
+        Its points are given in the bodies' frames [m].
+    unit : Unit
+        What lengths are divided by.
+    shift : float, optional
+        How far the second point is from where it is given, scaled.
+    """
     at_i, at_j = unit.point(c.body_i, c.point_i), unit.point(c.body_j, c.point_j)
     if shift is not None:
         at_j = tuple(x + shift * y for x, y in zip(at_j, axes(c, "hj"), strict=True))

@@ -208,7 +208,15 @@ class Crossed(Term):
 
 
 def relative(g: Any, i: SpatialValues, j: SpatialValues) -> Quaternion:
-    """Return the Euler parameters that lead from the frame on body i to that on body j."""
+    """Return the Euler parameters that lead from the frame on body i to that on body j.
+
+    Parameters
+    ----------
+    g : sequence of float
+        A joint's scaled geometry: the Euler parameters of its frame on either body among it.
+    i, j : SpatialValues
+        The two bodies' poses.
+    """
     a, b = _frames(g, i.p, j.p)
     return a.times(b)
 

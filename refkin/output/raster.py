@@ -22,6 +22,13 @@ RESOLUTION = 110
 def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = ()) -> None:
     """Write one pose in the format that the file's name ends in; parameters as in `svg.still`.
 
+    Parameters
+    ----------
+    drawing, k, rates
+        As in `svg.still`.
+    file : Path
+        Its ending says which format.
+
     Raises
     ------
     NothingToDraw
@@ -39,6 +46,14 @@ def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = 
 
 def save_animation(drawing: Drawing, file: Path, seconds: float = 4.0) -> None:
     """Write the motion as GIF, or as MP4 where ffmpeg is installed; `seconds` long [s].
+
+    Parameters
+    ----------
+    drawing : Drawing
+    file : Path
+        Its ending says which format.
+    seconds : float
+        How long the film is [s].
 
     Raises
     ------

@@ -45,7 +45,17 @@ class Shape:
 
 
 def features_of_joints(elements: Sequence[Element], name: str, size: float) -> Iterator[Shape]:
-    """Yield the axes and planes that joints have on a body, in its frame."""
+    """Yield the axes and planes that joints have on a body, in its frame.
+
+    Parameters
+    ----------
+    elements : sequence of Element
+        What all joints say.
+    name : str
+        The body.
+    size : float
+        How long an axis is drawn [m].
+    """
     for _, group in groupby(elements, key=lambda e: e.name):
         parts = list(group)
         for side in "ij":

@@ -42,6 +42,8 @@ def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]
 
     Parameters
     ----------
+    faults : iterable of Fault
+        As they were found.
     data : dict
         The file as it was read.
     text : str

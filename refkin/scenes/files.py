@@ -63,6 +63,15 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does.
 
     With the `text` of a TOML file faults name their lines.
+
+    Parameters
+    ----------
+    data : dict
+        What the file holds, as TOML or JSON gives it.
+    source : str
+        What faults call it.
+    text : str
+        The file itself, if it is TOML.
     """
     from refkin.scenes import keys  # here: pydantic is loaded when a file is read
 

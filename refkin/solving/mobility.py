@@ -208,6 +208,8 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
     mechanism : Mechanism
     q : (n,) array
         Coordinates of the bodies in their order [m, rad], then the parameters of contacts, if there are any.
+    t : float
+        When [s].
     tolerance : float
         Singular values of the balanced phi_q at or below this do not count.
     """
@@ -224,6 +226,8 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
         Compiled in its mechanism's own unit.
     q : (n,) array
         The pose at time t [s], in the system's coordinates.
+    t : float
+        When [s].
     tolerance : float
         Singular values of the balanced phi_q at or below this do not count.
     """
@@ -299,6 +303,7 @@ def common_columns(system: System, q: Any, phi_q: Any) -> Any:
 
     Parameters
     ----------
+    system : System
     q : (n,) array
         The pose, its Euler parameters of length 1.
     phi_q : (rows, n) array

@@ -216,6 +216,15 @@ def before(times: Sequence[float], last: int, t: float, first: int = -1) -> list
     """Return the numbers of at most four times that say something of t, `last` and others between `first` and it.
 
     The last one comes first; those that lie too close to another say nothing.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Increasing [s].
+    last, first : int
+        Between which of them: `first` itself is left out.
+    t : float
+        For when [s].
     """
     kept = [last]
     for k in range(last - 1, max(last - 7, first), -1):

@@ -63,7 +63,7 @@ def with_new_estimates(
 
     Parameters
     ----------
-    phi, phi_q, options
+    phi, phi_q, **options
         As `refkin.newton.newton` takes them; `stop` may be a function that makes a new test for each run.
     estimates : iterable
         At least one; each is used once.

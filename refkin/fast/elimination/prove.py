@@ -90,6 +90,14 @@ def proof_of(system: System, zeros: Known, levels: int) -> Workspaces | None:
     It is a program whose first level has gamma, then the largest radius of each given level. Inputs are, per
     constraint, geometry and then its errors; per law, `ORDERS` values and then their errors; and as the laws of one
     more constraint the given levels.
+
+    Parameters
+    ----------
+    system : System
+    zeros : tuple
+        Which numbers of its geometry are 0, 1 or -1, as `known_of` returns it.
+    levels : int
+        How many levels it certifies: 1 to 3.
     """
     traced = trace(system, zeros, range(system.n), held=True)
     try:

@@ -41,6 +41,8 @@ def schedule(solved: Eliminated, graph: Graph, wanted: Wanted, *, half_angles: b
 
     Parameters
     ----------
+    solved, graph : Eliminated, Graph
+        The solution, and the graph of its expressions.
     wanted : sequence of sequences of int
         Which coordinates, which rates, which accelerations are computed; others only as far as these need them.
     half_angles : bool

@@ -48,10 +48,13 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
 
     Parameters
     ----------
+    system : System
     known : tuple
         As `known_of` returns it.
     rows : sequence of int
         The n rows to trace: all, or independent ones where there are more.
+    held : bool
+        What is passive moves as laws say.
     """
     graph = Graph()
     geometry = [

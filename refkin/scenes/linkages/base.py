@@ -281,6 +281,13 @@ def rough(pose: Mapping[str, AnyPose], size: float, margin: float) -> dict[str, 
     """Return an assembled pose rounded to an estimate: two decimals of the size, more where two assemblies are near.
 
     They are about sqrt(margin / size) apart; the estimate stays within a twentieth of that.
+
+    Parameters
+    ----------
+    pose : mapping of str to tuple
+        Body -> its coordinates [m, rad].
+    size, margin : float
+        Of the linkage, and how far it is from one that does not close [m].
     """
     near = math.sqrt(max(margin / size, 1e-20)) / 10
     decimals = max(2, math.ceil(-math.log10(near)))
@@ -296,6 +303,13 @@ def rough(pose: Mapping[str, AnyPose], size: float, margin: float) -> dict[str, 
 
 def member(kind: type[AMember], value: str, key: str) -> AMember:
     """Return the member of an enumeration with that value.
+
+    Parameters
+    ----------
+    kind : type
+        The enumeration.
+    value, key : str
+        What was given, and the argument's name.
 
     Raises
     ------
@@ -315,7 +329,18 @@ def scene_of(
     effects: Collection[Effect | str],
     evidence: Collection[Evidence | str],
 ) -> Scene:
-    """Return the scene of a mechanism at times [s]; effects and evidence by their names, too."""
+    """Return the scene of a mechanism at times [s]; effects and evidence by their names, too.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    times : sequence of float
+        Increasing [s].
+    name : str
+        Of the scene.
+    effects, evidence : collection of str
+        What it calls for.
+    """
     return Scene(
         mechanism=mechanism,
         times=tuple(times),
@@ -328,7 +353,17 @@ def scene_of(
 def law_and_times(
     speed: float, turns: float, samples: int, start: float, law: Law | None, times: Sequence[float] | None
 ) -> tuple[Law, Sequence[float]]:
-    """Return a law and its times, or those of a constant speed; raise InvalidScene for what makes none."""
+    """Return a law and its times, or those of a constant speed; raise InvalidScene for what makes none.
+
+    Parameters
+    ----------
+    speed, start : float
+        Rate and first value of the input [rad or m, per second].
+    turns, samples : float, int
+        How far it goes [1 turn, or m], at how many times.
+    law, times : Law, sequence of float; optional
+        In place of all of these; times in [s].
+    """
     if law is None:
         asked = (
             ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),

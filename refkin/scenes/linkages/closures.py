@@ -29,7 +29,13 @@ class DoesNotAssemble(RefkinError):
 
 
 def corner(a: Number, b: Number, opposite: Number) -> float:
-    """Return the angle between the sides a and b of a triangle, in [0, pi]; flat triangles may be open by round-off."""
+    """Return the angle between the sides a and b of a triangle, in [0, pi]; flat triangles may be open by round-off.
+
+    Parameters
+    ----------
+    a, b, opposite : float
+        The sides, each above 0 [m].
+    """
     if not b:
         return math.pi / 2  # isosceles, in the limit of b going to 0
     above = (opposite - a + b) * (opposite + a - b)
@@ -52,6 +58,15 @@ def two_links(gap: complex, a: float, b: float, sign: int) -> tuple[float, float
 
     Both corners come from the same three differences, so that they belong to one triangle: near a flat pose, where the
     angles are uncertain by the root of round-off, the loop still closes to round-off.
+
+    Parameters
+    ----------
+    gap : complex
+        From the first link's foot to the second's end [m].
+    a, b : float
+        The links [m].
+    sign : int
+        1 or -1: which of the two triangles.
     """
     d, direction = abs(gap), direction_of(gap)
     if d == 0.0:
@@ -63,18 +78,40 @@ def two_links(gap: complex, a: float, b: float, sign: int) -> tuple[float, float
 
 
 def link_to_line(start: float, length: float, height: float, sign: int) -> float:
-    """Return the angle of a link from height `start` to a horizontal line; it points along the line if sign is 1."""
+    """Return the angle of a link from height `start` to a horizontal line; it points along the line if sign is 1.
+
+    Parameters
+    ----------
+    start, height : float
+        Where the link begins, and the line [m].
+    length : float
+        Of the link [m].
+    sign : int
+        1 or -1.
+    """
     rise = height - start
     return math.atan2(rise, sign * leg(length, rise))
 
 
 def two_links_margin(distance: float, a: float, b: float) -> float:
-    """Return how far `distance` is inside [|a - b|, a + b], where two links close; negative outside."""
+    """Return how far `distance` is inside [|a - b|, a + b], where two links close; negative outside.
+
+    Parameters
+    ----------
+    distance, a, b : float
+        From foot to end, and the links [m].
+    """
     return min(distance - abs(a - b), a + b - distance)
 
 
 def between_circles(p: Fraction, q: Fraction, low: Fraction, high: Fraction | None) -> tuple[Interval, ...]:
-    """Return the angles theta at which low <= |p - q e^(i theta)| <= high; None sets no upper bound."""
+    """Return the angles theta at which low <= |p - q e^(i theta)| <= high; None sets no upper bound.
+
+    Parameters
+    ----------
+    p, q, low, high : Fraction
+        Lengths [m].
+    """
     high = p + q if high is None else high
     if p + q < low or abs(p - q) > high:
         return ()
@@ -86,7 +123,13 @@ def between_circles(p: Fraction, q: Fraction, low: Fraction, high: Fraction | No
 
 
 def between_lines(radius: Fraction, low: Fraction, high: Fraction) -> tuple[Interval, ...]:
-    """Return the angles theta at which low <= radius sin(theta) <= high."""
+    """Return the angles theta at which low <= radius sin(theta) <= high.
+
+    Parameters
+    ----------
+    radius, low, high : Fraction
+        Lengths [m].
+    """
     if low > radius or high < -radius:
         return ()
     bottom = math.atan2(low, leg(radius, low)) if low > -radius else None
@@ -102,7 +145,15 @@ def shifted(intervals: tuple[Interval, ...], by: float) -> tuple[Interval, ...]:
 
 
 def covers(intervals: tuple[Interval, ...], low: float, high: float, period: float) -> bool:
-    """Return whether one interval, or a copy of it whole periods away, covers [low, high]."""
+    """Return whether one interval, or a copy of it whole periods away, covers [low, high].
+
+    Parameters
+    ----------
+    intervals : tuple of (float, float)
+        From, to.
+    low, high, period : float
+        In their unit.
+    """
     for first, last in intervals:
         away = period * math.floor((low - first) / period) if math.isfinite(first) and math.isfinite(period) else 0.0
         if first + away <= low and high <= last + away:

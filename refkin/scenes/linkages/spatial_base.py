@@ -29,23 +29,61 @@ ROUGH = 9
 
 
 def pose_of(r: Vec3, f: Vec3, h: Vec3) -> Place:
-    """Return the coordinates of a body at r with its x axis along f and its z axis along h."""
+    """Return the coordinates of a body at r with its x axis along f and its z axis along h.
+
+    Parameters
+    ----------
+    r : Vec3
+        The origin [m].
+    f, h : Vec3
+        Unit vectors at a right angle.
+    """
     return (*r.parts, *parameters_of(f, h.cross(f), h))
 
 
 def turned(f: Vec3, g: Vec3, angle: float) -> Vec3:
-    """Return f turned towards g."""
+    """Return f turned towards g.
+
+    Parameters
+    ----------
+    f, g : Vec3
+        Unit vectors at a right angle.
+    angle : float
+        How far [rad].
+    """
     return f * math.cos(angle) + g * math.sin(angle)
 
 
 def revolute(name: str, i: str, point: Triple, axis: Triple, zero: Triple, j: str, **more: Any) -> SpatialRevolute:
-    """Return a revolute joint to a body whose own z axis it is, its angle counted from `zero` to the body's x axis."""
+    """Return a revolute joint to a body whose own z axis it is, its angle counted from `zero` to the body's x axis.
+
+    Parameters
+    ----------
+    name : str
+        Of the joint.
+    i, j : str
+        The bodies.
+    point, axis, zero : tuple of three float
+        On body i: where [m], along what, and from where the angle counts.
+    **more
+        Other keys of the joint.
+    """
     ends: dict[str, Any] = {"body_i": i, "point_i": point, "axis_i": axis, "zero_i": zero, "body_j": j}
     return SpatialRevolute(name=name, **{**ends, "point_j": AT, "axis_j": Z, "zero_j": X, **more})
 
 
 def spherical(name: str, i: str, point_i: Triple, j: str, point_j: Triple) -> Spherical:
-    """Return a spherical joint."""
+    """Return a spherical joint.
+
+    Parameters
+    ----------
+    name : str
+        Of the joint.
+    i, j : str
+        The bodies.
+    point_i, point_j : tuple of three float
+        The common point, in the frame of either [m].
+    """
     return Spherical(name=name, body_i=i, point_i=point_i, body_j=j, point_j=point_j)
 
 
