@@ -13,9 +13,10 @@ from flint import arb, ctx
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from refkin.newton import newton
+from refkin.newton import NewtonStatus, newton
 from refkin.proof.assembly import search
 from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.levenberg import levenberg_marquardt
 from refkin.proof.assembly.loci import interval
 from refkin.proof.assembly.search import _Intervals, _Known, closes, refined
 from refkin.system import compile_system
@@ -74,6 +75,20 @@ def test_every_assembly_is_found_and_proved_to_be_all(length):
     assert len(result.poses) == roots(length) > 0
     assert max(float(np.abs(system.phi(q, 0.0)).max()) for q in result.poses) < ROUND_OFF
     assert max(result.radii) < ROUND_OFF
+    assert all(-math.pi < angle <= math.pi for q in result.poses for angle in q[2::3])
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("missing", "status"), [(0.0, NewtonStatus.CONVERGED), (0.5, NewtonStatus.SINGULAR)])
+def test_least_squares_end_at_the_same_place_whatever_the_unit_of_a_coordinate(scale, missing, status):
+    result = levenberg_marquardt(
+        lambda q: np.array([(scale * q[0]) ** 2 - 1.0, missing]),
+        lambda q: np.array([[2.0 * scale**2 * q[0]], [0.0]]),
+        np.array([3.0 / scale]),
+    )
+
+    assert result.status is status
+    assert scale * result.q == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("gap", [0.3, 1e-3, 1e-6, 1e-9])

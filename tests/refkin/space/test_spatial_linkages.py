@@ -483,6 +483,7 @@ def test_a_stewart_platform_on_three_points_has_eight_assemblies_each_certified(
     poses = assemblies(system, 0.3).poses
 
     assert len(set(platform.base)) == len(set(platform.platform)) == 3
+    assert platform.lengths() == pytest.approx([math.sqrt(1.0**2 + 0.6**2 - 1.0 * 0.6 + 0.8**2)] * 6)
     assert len(poses) == 8
     assert isolate(system, np.array(poses).T, np.full(8, 0.3)).ok.all()
 
@@ -636,14 +637,18 @@ def test_a_root_is_that_of_each_number_of_a_row(square):
     assert np.all(root(square) == np.sqrt(square))
 
 
-def test_starts_from_anywhere_are_euler_parameters_that_favour_no_turn():
-    """The mean of p p^T of evenly spread p is I / 4."""
+def test_starts_from_anywhere_are_spread_over_a_cube_and_favour_no_turn():
+    """The mean of p p^T of evenly spread p is I / 4; that of r r^T for r in a cube of half a side 1 is I / 3."""
     scene = EVERY["RSSR"].scene(samples=2)
     poses = np.stack(list(starts(compile_system(scene.mechanism, unit=scene.mechanism.unit()), 0.0, 500)))
     p = np.concatenate([poses[:, at : at + 4] for at in (3, 10, 17)])
+    r = np.concatenate([poses[:, at : at + 3] for at in (0, 7, 14)])
 
     assert np.linalg.norm(p, axis=1) == pytest.approx(1.0)
     assert p.T @ p / len(p) == pytest.approx(np.eye(4) / 4, abs=0.02)
+    assert np.abs(r).max() <= 1.0
+    assert np.mean(r, axis=0) == pytest.approx(np.zeros(3), abs=0.02)
+    assert r.T @ r / len(r) == pytest.approx(np.eye(3) / 3, abs=0.02)
 
 
 def test_a_rod_that_just_reaches_its_line_reaches_it_whichever_way_its_square_is_rounded():
