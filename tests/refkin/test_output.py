@@ -8,12 +8,14 @@ import pickle
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 import refkin
+from refkin.joints import SPACE
 from refkin.joints.elements import GuidedPoint
 from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, raster, still
@@ -60,6 +62,19 @@ def test_the_box_holds_all_that_moves_and_no_more(scene, motion):
 
     assert drawing.box[0] == pytest.approx(np.minimum(points.min(axis=1), curve.min(axis=1)))
     assert drawing.box[1] == pytest.approx(np.maximum(points.max(axis=1), curve.max(axis=1)))
+
+
+@pytest.mark.parametrize("kind", [None, SPACE])
+def test_the_box_holds_wheels_and_curves_and_guides_of_space_alone(kind):
+    draw = np.random.default_rng(4)
+    for _ in range(30):
+        points, curve, radii = draw.uniform(-1.0, 1.0, (3, 2, 3)), draw.uniform(-1.5, 1.5, (2, 4)), (0.0, 0.5, 0.0)
+        shapes = [*map(Shape, ("body", "wheel", "guide"), points, radii)]
+        part = SimpleNamespace(at=lambda k, shapes=shapes: [shapes[k]])
+        drawing = SimpleNamespace(t=range(3), parts=[part], curves=[SimpleNamespace(points=curve)], _kind=kind)
+        held = np.concatenate([points[0], points[1] - 0.5, points[1] + 0.5, curve, *points[2:][kind is None :]], axis=1)
+
+        assert np.array_equal(Drawing._box(drawing), [held.min(axis=1), held.max(axis=1)])
 
 
 def test_the_curve_of_a_wanted_point_is_its_motion(scene, motion):

@@ -79,10 +79,14 @@ def test_a_fault_names_its_joint_and_its_line(tmp_path):
 
 
 def test_a_fault_outside_of_bodies_and_joints_names_its_line_too(tmp_path):
-    assert "times.count: expected a count of at least 1, got 0 (line " in told(
-        tmp_path, TEXT.replace("count = 3", "count = 0")
+    """That of the key, or the header of a table that is not known."""
+    text = TEXT.replace("count = 3", "count = 0")
+    line, last = 1 + text.splitlines().index("count = 0"), 1 + len(text.splitlines())
+
+    assert f"times.count: expected a count of at least 1, got 0 (line {line})" in told(tmp_path, text)
+    assert f"gravity: expected no such key, got {{'z': -9.81}} (line {last})" in told(
+        tmp_path, f"{TEXT.rstrip()}\n[gravity]\nz = -9.81\n"
     )
-    assert "gravity: expected no such key, got {'z': -9.81} (line " in told(tmp_path, f"{TEXT}\n[gravity]\nz = -9.81\n")
 
 
 SPATIAL = (Path(__file__).parents[2] / "docs" / "scenes" / "spatial-cylindrical.toml").read_text(encoding="utf-8")

@@ -268,6 +268,24 @@ def test_one_hasty_sample_makes_the_others_take_no_smaller_steps(monkeypatch):
     assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
 
 
+@pytest.mark.parametrize("begin", [-8.0, 8.0])
+def test_when_a_sweep_begins_changes_nobody_s_steps(monkeypatch, begin):
+    """Who marches alone, and when: the laws are the same of the time since the beginning."""
+    lengths, march, alone = grashof(40, margin=0.1), Block._march_alone, {}
+    speed = np.linspace(1.0, 9.0, 40)
+    for start in (0.0, begin):
+        some = alone.setdefault(start, [])
+        law = {"driver": {"law": Polynomial(coefficients=(-start * speed, speed))}}
+        monkeypatch.setattr(
+            Block, "_march_alone", lambda self, samples, t, some=some: some.append(samples) or march(self, samples, t)
+        )
+        given = replace(scene(6), times=tuple(start + np.arange(6) / 8.0))
+        assert solve_many(given, {**geometry(lengths), **law}, estimates(lengths)).ok.all()
+
+    assert np.array_equal(alone[0.0], alone[begin])
+    assert not np.all(alone[0.0])
+
+
 @pytest.mark.parametrize("effects", [(), (Effect.VELOCITY,), (Effect.ACCELERATION,)])
 def test_only_what_is_called_for_is_reported(effects):
     lengths = grashof(10, margin=0.02)

@@ -527,6 +527,18 @@ def test_near_a_singular_pose_rates_are_solved_anew_and_elsewhere_they_stay(leve
         assert level == pytest.approx(np.where(np.isin(np.arange(5), near), x, y), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize(("pivots", "smallest"), [((0.5, 1e-4, 0.3), 1e-4), ((), math.inf)])
+@pytest.mark.parametrize("accepted", [True, False])
+def test_of_a_single_time_the_smallest_pivot_counts(pivots, smallest, accepted):
+    found = SimpleNamespace(levels=[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], pivots=pivots)
+    march, made = SimpleNamespace(accepts=lambda given: accepted and given is found), SimpleNamespace(levels=2)
+    task = SimpleNamespace(_first={7.0: found}.get, march=march, made=made)
+    said = importlib.import_module("refkin.fast.sweep")._Task._alone(task, SimpleNamespace(levels=[7.0]))
+
+    assert (said is not None) is accepted
+    assert not said or ([level.tolist() for level in said[0]], *said[1]) == ([[[1.0], [2.0]], [[3.0], [4.0]]], smallest)
+
+
 @pytest.mark.parametrize("doubt", [{}, {"ok": [True, False]}, {"bits": [53, 113]}, {"contradiction": [0.0, 1.5]}])
 def test_there_are_no_radii_if_float64_does_not_prove_every_sample(monkeypatch, doubt):
     ready, levels = (
