@@ -14,8 +14,8 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, Support
 from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
-from crosscheck.engines.closed_form.linkage import Circle, Line, line_and_circle
-from crosscheck.engines.closed_form.solution import _moves
+from crosscheck.engines.closed_form.linkage import Circle, JetPose, Line, line_and_circle
+from crosscheck.engines.closed_form.solution import PART, _gaps, _moves, lost_after
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
@@ -164,6 +164,33 @@ def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch):
         ClosedForm().solve(linkage(LENGTHS))
 
 
+def planar(z):
+    return Planar(Jet(z.real), Jet(z.imag))
+
+
+def test_what_each_joint_and_row_leaves_open_is_told_in_sizes_and_radians():
+    """Of two bodies where nothing closes: a pin, an angle, a line and a distance between them."""
+    at = {"a": (1.0 + 2.0j, 0.4), "b": (-0.5 + 0.3j, 1.1)}
+    local = {"a": {0: 0.2 + 0.1j, 1: 0.7 + 0.0j}, "b": {0: 0.5 - 0.4j, 2: 0.3j}}
+    place = {(name, k): r + u * cmath.rect(1.0, phi) for name, (r, phi) in at.items() for k, u in local[name].items()}
+    line = {"body_i": "a", "node": 2, "anchor": planar(0.1 + 0.2j), "normal": planar(cmath.rect(1.0, 0.9))}
+    drawn = SimpleNamespace(
+        groups=[SimpleNamespace(bodies=[n], nodes={k: planar(u) for k, u in own.items()}) for n, own in local.items()],
+        places=range(3),
+        angles=[SimpleNamespace(body_i="a", body_j="b", value=Jet(0.3))],
+        lines=[SimpleNamespace(value=Jet(0.25), **line)],
+        distances=[SimpleNamespace(node_a=1, node_b=2, value=Jet(1.5))],
+    )
+    poses = {name: JetPose(Jet(phi), planar(cmath.rect(1.0, phi)), planar(r)) for name, (r, phi) in at.items()}
+    scene = SimpleNamespace(mechanism=SimpleNamespace(size=lambda: 8.0))
+    pin, away = place["b", 0] - place["a", 0], place["b", 2] - (1.0 + 2.0j) - (0.1 + 0.2j) * cmath.rect(1.0, 0.4)
+    off = (away * cmath.rect(1.0, -0.4 - 0.9)).real - 0.25
+    apart = abs(place["b", 2] - place["a", 1]) - 1.5
+
+    gaps = _gaps(drawn, SimpleNamespace(bodies=poses), scene)
+    assert gaps == pytest.approx([pin.real / 8.0, pin.imag / 8.0, 1.1 - 0.4 - 0.3, off / 8.0, apart / 8.0], rel=1e-14)
+
+
 def test_frames_far_from_their_joints_are_answered():
     """Points 1e12 away from the bodies' origins leave four digits, and no error."""
     d = Drawing({"1": (1e12 + 0j, 0.3)})
@@ -243,6 +270,41 @@ def test_what_swings_between_two_times_is_counted_by_its_way(scale):
     assert moves * unit == pytest.approx(
         [0.8, *0.2 * -np.diff(np.cos([0.0, 0.25 * math.pi, 0.5 * math.pi])), 0.3], rel=0.08
     )
+
+
+def slack_of(law, asked, scale=1.0):
+    """What solves a scene with one slack that follows a law beside one that stays, and keeps which times were asked."""
+
+    def solve(times):
+        asked.append(times)
+        t = np.array(times)
+        moved = [SimpleNamespace(value=x(t) * scale, rate=x.deriv()(t) * scale, scale=scale) for x in (law, law**0)]
+        return SimpleNamespace(meetings=[SimpleNamespace(slacks=moved)], scene=SimpleNamespace(times=times))
+
+    return solve
+
+
+def test_an_interval_is_looked_at_in_as_many_parts_as_things_move_in_it():
+    """In two at least, in sixteen at most, and where it is not known how far."""
+    asked, moves = [], PART * np.array([0.0, 5.5, math.nan, 99.0])
+    solve = slack_of(np.polynomial.Polynomial([1.0, 1.0]), asked)
+    parts = (0.0, 0.5, *np.linspace(1.0, 3.0, 6, endpoint=False), *np.arange(48, 64) / 16, *np.arange(16, 33) / 4)
+
+    assert lost_after((0.0, 1.0, 3.0, 4.0, 8.0), solve, moves) == lost_after((0.0, 1.0), solve, moves[:1]) == math.inf
+    assert asked == [parts, (0.0, 0.5, 1.0)]
+
+
+@pytest.mark.parametrize("size", [1.0, 2.0**-5, 2.0**5])
+@pytest.mark.parametrize(("lowest", "met"), [(1e-9, False), (-1e-9, True), (-0.3, True)])
+def test_a_slack_that_is_least_between_two_times_is_followed_down_to_where_it_is_none(lowest, met, size):
+    """Every solve begins at the first time: there the estimates tell the assembly."""
+    asked, law = [], size * np.polynomial.Polynomial([3.6**2 + lowest, -7.2, 1.0])
+    lost = lost_after((0.0, 2.0, 4.0), slack_of(law, asked, 1.0 / size**2), np.zeros(2))
+
+    assert lost == pytest.approx(3.6, abs=1.1 * math.sqrt(abs(lowest))) if met else lost == math.inf
+    assert not met or law(lost) <= 0.0
+    assert {times[0] for times in asked} == {0.0}
+    assert lost_after((0.0, 2.0, 4.0), slack_of(law.deriv() * -1.0, asked), np.zeros(2)) == 4.0  # and stays so
 
 
 def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():

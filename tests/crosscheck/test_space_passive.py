@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import Level, load, refused_joints
-from crosscheck.engines.spatial.passive import _on
-from crosscheck.engines.spatial.reading import numbers_of
-from crosscheck.engines.spatial.turning import product
+from crosscheck.engines.spatial.passive import _in_other, _on
+from crosscheck.engines.spatial.reading import Hold, Kind, numbers_of
+from crosscheck.engines.spatial.turning import joint_frame, product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.measure.check import check
@@ -118,3 +118,21 @@ def test_a_point_is_on_a_line_that_misses_it_by_what_rounding_leaves_and_no_more
 
     for part, on in ((0.9, True), (1.1, False)):
         assert _on(line[0] + along * line[1] + part * allowed * np.array([0.8, 0.0, -0.6]), line) is on
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("kind", [Kind.REVOLUTE, Kind.CYLINDRICAL, Kind.SCREW, Kind.PRISMATIC, Kind.FIXED])
+def test_a_line_along_an_axis_of_a_joint_is_along_it_in_the_other_body_too(kind, sense):
+    """Straight in the one, askew in the other."""
+    x, z = np.eye(3)[0], np.eye(3)[2]
+    ends = {"frame_i": joint_frame(z, x), "frame_j": joint_frame((1.0, 2.0, 2.0), (2.0, 1.0, -2.0))}
+    hold = Hold(name="h", kind=kind, body_i="a", body_j="b", u_i=2.0 * x, u_j=np.array([0.0, 3.0, 1.0]), **ends)
+    far, askew = hold.u_j + 5.0 * hold.frame_j[:, 2], sense * np.array([1.0, 2.0, 2.0]) / 3.0
+
+    at, line = _in_other(hold, "a", (hold.u_i + 5.0 * z, sense * z))
+    assert at == pytest.approx(far if kind in (Kind.PRISMATIC, Kind.FIXED) else hold.u_j)
+    assert line == pytest.approx(askew)
+    at, line = _in_other(hold, "b", (far, askew))
+    assert (*at, *line) == pytest.approx((2.0, 0.0, 5.0 * (kind in (Kind.PRISMATIC, Kind.FIXED)), *(sense * z)))
+    beside = _in_other(hold, "a", (hold.u_i + x, z))
+    assert (beside is None) == (kind not in (Kind.PRISMATIC, Kind.FIXED))
