@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import replace
 
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, load
-from refkin.joints import elements_of
-from refkin.model import Effect, Point
+from crosscheck.measure.check import check
+from refkin.joints import GROUND, Fixed, Revolute, XDriver, elements_of
+from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
+from refkin.motion_laws import Polynomial
 
 from .exact_linkages import CASES, EPS, T, excess, four_bar, remade, turned_on
 
@@ -104,6 +107,23 @@ def test_a_pin_moves_as_a_point_of_either_of_its_bodies(name):
     for power, level in enumerate(("r", "v", "a"), start=1):
         gap = np.abs(getattr(one, level) - getattr(other, level))
         assert np.max(gap) <= 64 * EPS * (4.0 * case.kappa) ** power
+
+
+@pytest.mark.parametrize("pinned", [False, True])
+def test_bodies_that_nothing_drives_or_moves_are_placed(pinned):
+    """One fixed to the ground, one to that; a pin and a driver that say once more where they are."""
+    at = 1.0 + 2.0j + cmath.rect(0.5, 0.3) + (0.4 + 0.5j) * cmath.rect(1.0, 0.1)
+    bodies = tuple(Body(name=name, estimate=(1.0, 2.0, 0.2)) for name in "ab")
+    first = Fixed(name="first", body_i=GROUND, point_i=(1.0, 2.0), body_j="a", point_j=(0.0, 0.0), angle=0.3)
+    second = Fixed(name="second", body_i="a", point_i=(0.5, 0.0), body_j="b", point_j=(0.0, 0.1), angle=-0.2)
+    pin = Revolute(name="pin", body_i=GROUND, point_i=(at.real, at.imag), body_j="b", point_j=(0.4, 0.6))
+    driver = XDriver(name="driver", body="a", point=(0.0, 0.0), law=Polynomial(coefficients=(1.0,)))
+    mechanism = Mechanism(bodies, (first, second, *(pin,) * pinned), (driver,) * pinned)
+    scene = Scene(mechanism=mechanism, times=(0.0, 1.0))
+    record = check(scene, ENGINES[:2] if pinned else ENGINES)
+
+    assert [str(seen) for seen in record.disagreements] == []
+    assert {(a.judged, a.missing) for a in record.answers} == {(2, 0)}
 
 
 def test_two_solves_give_the_same_bits(engine):

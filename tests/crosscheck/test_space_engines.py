@@ -21,6 +21,7 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.violations import violations
 from crosscheck.measure.check import check, permuted
+from refkin.joints import GROUND, SpatialFixed, Spherical
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.scenes.linkages import RSSR, Branch
@@ -59,6 +60,24 @@ def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> N
                 "constraint_velocity",
                 "drift",
             }
+
+
+def test_bodies_that_nothing_drives_or_moves_are_placed() -> None:
+    """One fixed to the ground, one to that, and a ball that says once more where the second is."""
+    x, y, z = map(tuple, np.eye(3).tolist())
+    first = SpatialFixed(
+        name="first",
+        **space_scenes.between(GROUND, (1.0, 2.0, 0.5), "a", (0.2, 0.1, 0.0)),
+        **space_scenes.axes(z, x, z, x),
+    )
+    second = SpatialFixed(name="second", **space_scenes.between("a", x, "b", y), **space_scenes.axes(x, y, z, x))
+    ball = Spherical(name="ball", **space_scenes.between("b", z, GROUND, (2.8, 1.9, -0.5)))
+    bodies = (("a", (0.8, 1.9, 0.5, 1.0, 0.0, 0.0, 0.0)), ("b", (1.8, 1.9, -0.5, 0.5, 0.5, 0.5, 0.5)))
+    record = check(space_scenes.scene("held", bodies, (first, second, ball)), ENGINES)
+
+    assert record.reference.verdict == Status.OK
+    assert [str(seen) for seen in record.disagreements] == []
+    assert {(a.engine, a.missing) for a in record.answers} == {(engine, 0) for engine in ENGINES}
 
 
 def test_what_a_stopping_rule_leaves_is_carried_by_the_rows_in_which_it_is_left() -> None:

@@ -93,7 +93,7 @@ class Clock:
         new = [t for t in asked if t not in self._table]
         if new:
             self._add(np.array(new))
-        return np.array([self._table[t] for t in asked]).transpose(1, 2, 0)
+        return np.reshape([self._table[t] for t in asked], (len(asked), len(self.laws), 3)).transpose(1, 2, 0)
 
     def _over(self, times: Array, order: int) -> Array:
         values = np.full((len(self.laws), 3, len(times)), math.nan)

@@ -63,8 +63,8 @@ class MujocoSpace(SpaceEngine):
         self.model.body_sameframe[:] = 0
         self.data = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in self._names]
-        self.columns = np.concatenate([j.qposadr[0] + np.arange(len(j.qpos0)) for j in joints])
-        self._v = np.concatenate([j.dofadr[0] + np.arange(3 if len(j.qpos0) > 1 else 1) for j in joints])
+        self.columns = np.array([j.qposadr[0] + k for j in joints for k in range(len(j.qpos0))], int)
+        self._v = np.array([j.dofadr[0] + k for j in joints for k in range((1, 3)[len(j.qpos0) > 1])], int)
         self._from_tree = self._columns()
         self._at = [(self.bodies[p.body].id, *self._local(p)) for p in places]
 
@@ -133,8 +133,8 @@ class MujocoSpace(SpaceEngine):
         return rows
 
     def _jacobian(self) -> Array:
-        rows = self.data.efc_J.reshape(-1, self.model.nv)  # room for those that are left out, too
-        return self._spread(rows[: self.data.nefc])
+        rows = self.data.efc_J[: self.data.nefc * self.model.nv]  # there is room for those that are left out, too
+        return self._spread(rows.reshape(self.data.nefc, self.model.nv))
 
     def _gaps(self) -> Array:
         """Return what leads from point to point (pairs, 3), of those that MuJoCo leaves out from their sites."""
@@ -152,7 +152,7 @@ class MujocoSpace(SpaceEngine):
             r[k], axes[k] = d.xpos[body] + turned @ u, turned @ own
             mujoco.mj_jac(m, d, jac[k, :3], jac[k, 3:], r[k], body)
         gap, rows = self._gaps(), self._jacobian()[: self.welded_from]
-        return r, axes, self._own(jac), gap, self._own(rows).reshape(len(gap), 3, len(self._from_tree[0]))
+        return r, axes, self._own(jac), gap, self._own(rows).reshape(len(gap), 3, self._from_tree.shape[1])
 
     def _own(self, rows: Array) -> Array:
         """Return rows (..., nv) of MuJoCo with columns of the tree's rates."""
