@@ -16,6 +16,7 @@ from refkin.joints import (
     Screw,
     SpatialAngleDriver,
     SpatialDistance,
+    SpatialDistanceDriver,
     SpatialPrismatic,
     SpatialRevolute,
     Spherical,
@@ -64,6 +65,13 @@ def rssr() -> Scene:
 def rssr_by_distance() -> Scene:
     rod = SpatialDistance(name="rod", **between("crank", X, "rocker", (2.0, 0.0, 0.0)), length=3.0)
     return scene("RSSR by distance", (CRANK, ROCKER), (R1, rod, R2), motor())
+
+
+def rssr_by_a_cylinder() -> Scene:
+    """The coupler is a cylinder that pushes the rocker: a driven distance."""
+    law = Polynomial(coefficients=(3.0, 0.06, -0.02))
+    cylinder = SpatialDistanceDriver(name="cylinder", **between("crank", X, "rocker", (2.0, 0.0, 0.0)), law=law)
+    return scene("RSSR by a cylinder", (CRANK, ROCKER), (R1, R2), motor(), cylinder)
 
 
 def rssp() -> Scene:
@@ -150,4 +158,4 @@ def two_slides() -> Scene:
     return scene("two slides", bodies, (joint, rail, rod), motor("C"), lift)
 
 
-ALL = (rssr, rssr_by_distance, rssp, bennett, double_hooke, screw_jack, two_slides)
+ALL = (rssr, rssr_by_distance, rssr_by_a_cylinder, rssp, bennett, double_hooke, screw_jack, two_slides)
