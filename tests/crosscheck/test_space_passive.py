@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product as pairs
 
 import numpy as np
 import pytest
 
 from crosscheck.engines import Level, load, refused_joints
-from crosscheck.engines.spatial.passive import _in_other, _on
+from crosscheck.engines.spatial.passive import _feels, _in_other, _lines, _on, spins
 from crosscheck.engines.spatial.reading import Hold, Kind, numbers_of
 from crosscheck.engines.spatial.turning import joint_frame, product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.measure.check import check
 from refkin.joints import SI, passive_spins
-from tests.passive import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope
+from tests.passive import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope, turned
 
 FORMS = ("half", "dot", "printed")
 
@@ -136,3 +137,55 @@ def test_a_line_along_an_axis_of_a_joint_is_along_it_in_the_other_body_too(kind,
     assert (*at, *line) == pytest.approx((2.0, 0.0, 5.0 * (kind in (Kind.PRISMATIC, Kind.FIXED)), *(sense * z)))
     beside = _in_other(hold, "a", (hold.u_i + x, z))
     assert (beside is None) == (kind not in (Kind.PRISMATIC, Kind.FIXED))
+
+
+def held_by(kind, i, j):
+    """What a joint holds of (point, axes) on its two bodies, or a driver."""
+    d, h, other = j[0] - i[0], i[1][2], j[1][2]
+    same, on_axis, turn = [axis @ other for axis in i[1][:2]], [axis @ d for axis in i[1][:2]], [i[1][0] @ j[1][1]]
+    held = {
+        "spherical": [d],
+        "revolute": [d, same],
+        "universal": [d, [h @ other]],
+        "cylindrical": [same, on_axis],
+        "prismatic": [same, on_axis, turn],
+        "fixed": [d, same, turn],
+        "parallel": [same],
+        "perpendicular": [[h @ other]],
+        "point_on_line": [on_axis],
+        "point_on_plane": [[h @ d]],
+        "displacement?": [[h @ d]],
+        "distance": [[d @ d]],
+        "distance?": [[d @ d]],
+    }
+    return held if kind is None else np.concatenate(held[kind])
+
+
+@pytest.mark.parametrize("body", "ij")
+@pytest.mark.parametrize("kind", held_by(None, (np.zeros(3), np.eye(3)), (np.zeros(3), np.eye(3))))
+def test_a_joint_feels_a_turn_of_one_of_its_bodies_if_what_it_holds_changes(kind, body):
+    """Both bodies lie in the ground frame; the turn is about a line through its point or not, along its axis or not."""
+    frame, p = joint_frame((1.0, 2.0, 2.0), (2.0, 1.0, -2.0)), np.array([0.3, -0.4, 1.2])
+    across = frame[:, [1, 2, 0]] if kind in ("universal", "perpendicular") else frame
+    q = p if kind in ("spherical", "revolute", "universal", "fixed") else p + 0.7 * frame[:, 2]
+    hold = Hold(name="h", kind=kind, body_i="i", body_j="j", u_i=p, u_j=q, frame_i=frame, frame_j=across)
+    ends = {"i": (p, frame.T), "j": (q, across.T)}
+    point, axes = ends[body]
+
+    for on, along in pairs((True, False), repeat=2):
+        at = point if on else point + 0.3 * axes[0] + 0.2 * axes[1]
+        line = axes[2] if along else np.array([0.6, 0.0, 0.8])
+        new = at + turned(point - at, line, 0.9), np.array([turned(axis, line, 0.9) for axis in axes])
+        changes = not np.allclose(held_by(kind, **ends), held_by(kind, **{**ends, body: new}))
+        swings = kind in ("point_on_plane", "displacement?") and body == "j" and along and not on
+        assert _feels(hold, kind, body, (at, line)) == (changes or swings)  # within the plane: no spin in place
+
+
+def test_two_points_alike_but_for_rounding_are_no_line_and_a_body_on_one_joint_alone_is_no_spin():
+    far, kinds = np.array([0.0, 0.0, 1e4]), {"ball": Kind.SPHERICAL, "weld": Kind.FIXED, "pin": Kind.REVOLUTE}
+    ends = {"body_i": "ground", "u_i": far, "u_j": far}
+    ball, *others = [Hold(name=n, kind=kind, body_j="a" if n == "ball" else "b", **ends) for n, kind in kinds.items()]
+    twice = [ball, replace(ball, u_j=far * (1.0 + 1e-13))]
+
+    assert len(list(_lines("a", [(hold, hold.kind) for hold in twice]))) == 4  # along each axis through each
+    assert list(spins("ab", [ball, *others], ())) == []
