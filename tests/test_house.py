@@ -96,7 +96,7 @@ def test_source_and_tests_stay_as_long_as_they_are():
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
     assert size["refkin"] + size["crosscheck"] <= 57_467
-    assert size["tests"] <= 42_538
+    assert size["tests"] <= 42_581
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -4,6 +4,7 @@ import ast
 import cmath
 import math
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import pytest
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, Support
 from crosscheck.engines.closed_form import engine as closed_form
+from crosscheck.engines.closed_form.assemble import Assembly, LocusRow
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from crosscheck.engines.closed_form.linkage import Circle, JetPose, Line, line_and_circle
@@ -54,6 +56,10 @@ def linkage(lengths, law=LAW, times=(0.0,), sign=1, estimates=True, turns=0):
     return Scene(mechanism=Mechanism(bodies, joints, drivers), times=times)
 
 
+def planar(z):
+    return Planar(Jet(z.real), Jet(z.imag))
+
+
 def orientation(motion):
     """The sign of coupler x rocker at the pin B, per time."""
     return np.sign(np.sin(motion["rocker"].phi - motion["coupler"].phi))
@@ -67,10 +73,11 @@ def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign):
     assert set(orientation(motion)) == {sign}
 
 
+@pytest.mark.parametrize("away", [0.0, 64.0])
 @pytest.mark.parametrize(
     ("lifted", "scale", "sign"), [(0.0, 1.0, 1), (0.15, 1.0, 1), (0.15, 2.0**10, 1), (0.7, 1.0, -1)]
 )
-def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign):
+def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign, away):
     """Coupler and rocker in one line in the estimate, which lies on the upper side; but not of a tip that is lifted.
 
     If it is lifted so far that they are in no line any more, their own orientation decides.
@@ -84,9 +91,49 @@ def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign):
     lean = cmath.phase(pin - tip)
     end = pin - cmath.rect(lengths["coupler"], lean)  # so that the estimate sees the pin B there
     bodies[1] = replace(bodies[1], estimate=(end.real, end.imag, lean))
-    flat = replace(scene, mechanism=replace(scene.mechanism, bodies=tuple(bodies)))
+    bodies = [replace(b, estimate=(b.estimate[0] + away * scale, *b.estimate[1:])) for b in bodies]
+    joints = [
+        replace(j, point_i=(j.point_i[0] + away * scale, j.point_i[1])) if j.body_i == GROUND else j
+        for j in scene.mechanism.joints
+    ]
+    flat = replace(scene, mechanism=replace(scene.mechanism, bodies=tuple(bodies), joints=tuple(joints)))
 
     assert orientation(ClosedForm().solve(flat)) == sign
+
+
+def nearer(angle, seen, chord=0.5 - 0.25j, locus=None):
+    """Which assembly is nearer an estimate that sees a point there, from the centre of the circle it is on."""
+    meeting = SimpleNamespace(foot=planar(1.0 + 2.0j), chord=chord and planar(chord))
+    row = LocusRow(locus or Circle(planar(-0.5 + 0.25j), Jet(1.0)), seen, "rod")
+    return Assembly._nearer(SimpleNamespace(_angle_estimate=lambda group: angle), None, meeting, (None, row))
+
+
+def test_the_nearer_assembly_is_the_one_on_whose_side_the_estimate_is_however_its_group_is_turned():
+    chord, middle = 0.5 - 0.25j, 1.5 + 1.75j
+    for angle, part in product((0.0, 0.7, -2.0), (0.6, -0.6)):
+        seen = (middle + (part + 0.5j) * chord) * cmath.rect(1.0, angle)
+        assert nearer(angle, seen) == math.copysign(1.0, part)
+        line = Line(planar(1.0 + 0.0j), Jet(0.0))
+        nothing = nearer(None, seen), nearer(angle, None), nearer(angle, seen, None), nearer(angle, seen, locus=line)
+        assert (*nothing, nearer(angle, seen * math.nan)) == (0.0,) * 5
+    assert nearer(0.0, middle + 0.5j * chord) == 0.0
+
+
+def test_a_group_is_turned_as_the_estimate_of_any_of_its_bodies_says():
+    """One without an estimate is passed over, unless it is on the ground's group already."""
+
+    def pose(angle):
+        return JetPose(Jet(angle), planar(1.0 + 0.0j), planar(0.0j))
+
+    of_ground = SimpleNamespace(bodies={GROUND: pose(0.0), "b": pose(0.25)})
+    other, bare = (
+        SimpleNamespace(bodies={name: pose(phi) for name, phi in x}) for x in ([("a", 0.5), ("c", 0.7)], [("a", 0.5)])
+    )
+    state = SimpleNamespace(groups=[of_ground, other], estimates={"c": (0.0, 0.0, 1.0)})
+    state._body_angle = lambda body: Assembly._body_angle(state, body)
+
+    assert [Assembly._angle_estimate(state, x) for x in (of_ground, other, bare)] == [0.0, pytest.approx(0.3), None]
+    assert [state._body_angle(body) for body in "abc"] == [None, 0.25, 1.0]
 
 
 @pytest.mark.parametrize("made", ["four-bar", "slider-crank"])
@@ -162,10 +209,6 @@ def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch):
     monkeypatch.setattr(closed_form, "float_solution", opened)
     with pytest.raises(EngineError, match=r"a joint is left open by 0\.001 sizes"):
         ClosedForm().solve(linkage(LENGTHS))
-
-
-def planar(z):
-    return Planar(Jet(z.real), Jet(z.imag))
 
 
 def test_what_each_joint_and_row_leaves_open_is_told_in_sizes_and_radians():
