@@ -24,7 +24,7 @@ from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.curve import Crossing, Curve
-from refkin.proof.path.tracing import Trace, Tracer
+from refkin.proof.path.tracing import SAME, Trace, Tracer
 from refkin.proof.path.tracing import TraceEnd as PathEnd
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.limits import said_if_long
@@ -35,6 +35,8 @@ from refkin.system import System, compile_system
 
 _ITSELF = Polynomial(coefficients=(0.0, 1.0))
 """The law of a driver whose value is t."""
+NEARLY = math.sqrt(SAME)
+"""A clearance below which paths all but meet."""
 ANGLE = "angle"
 """The type of a driver whose law is an angle, in the plane or in space."""
 
@@ -288,7 +290,8 @@ class _Continuation:
         residual, radius = _evidence(system, q, t)
         driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
         own = (f"{d.name} [{'rad' if d.type == ANGLE else 'm'}]" for d in driven)
-        why = _why(system, trace.end, q[:, -1], t[-1]) if poses else str(trace.end)
+        meets = bool(poses) and self.curve.clearance(trace.points[-1]) < NEARLY
+        why = _why(system, trace.end, q[:, -1], t[-1], meets) if poses else str(trace.end)
         return Path(
             t=t,
             q=q[: system.of_bodies],
@@ -316,13 +319,15 @@ class _Continuation:
         return vectors
 
 
-def _why(system: System, end: PathEnd, q: Any, t: float) -> str:
-    """Return why a path ends with a pose [m, rad], in words."""
+def _why(system: System, end: PathEnd, q: Any, t: float, meets: bool) -> str:
+    """Return why a path ends with a pose [m, rad], in words; `meets`: whether another path all but meets it there."""
     tables = [name for name, *known in ends(system.mechanism.constraints) if t in known]
     if end is PathEnd.RANGE and tables:
         return f"{end}: the table of {tables[0]} ends"
     cam = end_of_profile(system, system.to_unit(q)) if end is PathEnd.STOPPED else ""
-    return f"the contact of {cam} leaves its profile" if cam else str(end)
+    if cam:
+        return f"the contact of {cam} leaves its profile"
+    return f"{end}: paths meet or all but meet, and cannot be told apart" if end is PathEnd.STOPPED and meets else end
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

@@ -296,6 +296,20 @@ def test_where_four_curves_cross_at_once_a_path_stops_and_takes_none_of_them(oth
     assert (there.end, there.t.size, there.events) == (TraceEnd.STOPPED, 1, ())
 
 
+@pytest.mark.parametrize(("first", "second"), [(-2, -2), (-2, 0), (2, -2)])
+def test_beside_a_pose_where_four_curves_meet_a_path_does_not_turn_to_and_fro_by_rounding(first, second):
+    """Lengths are a rounding off, so that the curves all but meet: steps shorter than what rounding moves are none."""
+    one, other = (
+        replace(linkage, coupler=linkage.coupler + ulps * 2.0**-52)
+        for linkage, ulps in ((PARALLELOGRAM, first), (CHANGE_POINT, second))
+    )
+    path = refkin.follow(two(one, other))
+
+    assert np.all(np.diff(path.t) > 0.0)
+    assert path.t[-1] == pytest.approx(np.pi, abs=1e-6)
+    assert path.message == "no step is small enough: paths meet or all but meet, and cannot be told apart"
+
+
 @pytest.mark.parametrize("law", [(np.pi - 1.0, 2.0, -1.0), (np.pi - 1.0, 3.0, -3.0, 1.0)], ids=["back", "on"])
 def test_where_curves_only_touch_because_the_law_stands_still_a_path_stops(law):
     """No tangent tells them apart, so there is none to choose."""

@@ -18,7 +18,8 @@ FIRST_STEP = 1e-2
 SHORTEST = 1e-11
 """Length below which a step is not halved again."""
 BEND = 0.15
-"""Largest angle between the tangents at the ends of a step [rad]."""
+"""Largest angle between the tangents at the ends of a step, and between the first and the step itself [rad]: where
+curves all but meet, rounding moves a point farther than a very short step does."""
 FASTER = 1.5
 """Factor by which steps grow where the curve is nearly straight."""
 STANDING = 1e-9
@@ -138,7 +139,7 @@ class Tracer:
         while h >= SHORTEST and not self.curve.is_locked(x):
             new = self.curve.stepped(x, tangent, h)
             after = None if new is None else self.curve.tangent(new, tangent)
-            straight = new is not None and tangent @ after >= math.cos(BEND)
+            straight = new is not None and min(tangent @ after, h / np.linalg.norm(new - x)) >= math.cos(BEND)
             if straight and not (_turns_twice(x, tangent, new, after) or self._turns_unseen(x, tangent, new, after, h)):
                 rows = self.curve.rows(new)
                 if self.at_crossing or self.curve.side(new, after, rows) == self.curve.side(x, tangent, rows):
