@@ -33,7 +33,7 @@ from crosscheck.errors import kept, quoted
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
-from refkin.joints import Constraint, elements_of
+from refkin.joints import AxesParallel, Constraint, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Route, Seeding, __version__
 
@@ -84,7 +84,7 @@ What is absent is refused at every level, and with it every joint that consists 
 """
 OF_SPACE = (
     *("points of space coincide", "axes parallel", "axes perpendicular", "point on axis", "point in plane", "screw"),
-    *("turn about axis", "turn about axis by a law", "shift along axis by a law"),
+    *("turn about axis", "turn about axis by a law", "twist about axis", "shift along axis by a law"),
     *("distance of space", "distance of space by a law"),
 )
 ELEMENTS = (
@@ -92,7 +92,10 @@ ELEMENTS = (
     *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling on a line", "contact"),
     *OF_SPACE,
 )
-"""The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean."""
+"""The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean.
+
+A twist is a turn about axes that nothing else of its joint keeps parallel.
+"""
 
 NATIVE = Capability(Support.NATIVE)
 
@@ -323,12 +326,14 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
     """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses."""
     table, unsupported = engine.capabilities(), []
     for constraint in constraints:
-        reasons, rows = [], 0
-        for element in elements_of([constraint]):
+        reasons, rows, elements = [], 0, list(elements_of([constraint]))
+        parallel = any(isinstance(element, AxesParallel) for element in elements)
+        for element in elements:
             rows += element.rows
-            capability = table.get(element.key, {}).get(level)
+            key = element.key if parallel or element.key != "turn about axis" else "twist about axis"
+            capability = table.get(key, {}).get(level)
             if capability is None:
-                reasons.append(f"no such element in this engine: {element.key}")
+                reasons.append(f"no such element in this engine: {key}")
             elif capability.support is Support.REFUSED:
                 reasons.append(capability.reason)
         if rows != constraint.rows and getattr(constraint, "form", "") != "printed":  # more rows, the same joint

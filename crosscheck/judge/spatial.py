@@ -9,6 +9,7 @@ their rates; of bodies that spin as one also that of their turns against each ot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
@@ -16,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import AXIAL, Hold, Kind, Numbers, numbers_of
-from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, Kind, Numbers, numbers_of
+from crosscheck.engines.spatial.turning import bends, conjugate, parameters, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism
 from refkin.motion import Motion
@@ -141,7 +142,7 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
     for hold in numbers.holds:
         if hold.kind in AXIAL and turns.keys() >= set(hold.bodies):
             axes = [_turned(turns[body], hold.end(body)[1][:, 2]) for body in hold.bodies]
-            wrong[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
+            wrong[hold.name] = (np.sum(axes[0] * axes[1], axis=1) < 0.0) | wrong.get(hold.name, False)
     for drive in numbers.drives:
         if drive.kind == Kind.ANGLE and turns.keys() >= set(drive.hold.bodies):
             (i, j), f = drive.hold.bodies, np.asarray(drive.law(motion.t, 0))[:, None]
@@ -154,6 +155,8 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
 def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[list[Array]]:
     """Return half the angle of every screw, turns counted, and its rates, (T,) each: coordinates of the equations.
 
+    A joint has one of them, however many of its elements are screws.
+
     Parameters
     ----------
     levels : sequence of (7 n, T) array
@@ -163,18 +166,18 @@ def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[lis
     at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}
     rest = np.zeros_like(levels[0][:7].T)
     at[GROUND] = [rest + np.eye(7)[3], rest, rest]
-    screws = [hold for hold in numbers.holds if hold.kind == Kind.SCREW]
-    return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in screws]
+    screws = {hold.name: hold for hold in numbers.holds if hold.kind in COUNTED}
+    return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in screws.values()]
 
 
 def _half_angle(hold: Hold, i: Sequence[Array], j: Sequence[Array]) -> list[Array]:
-    x, y = (
-        np.stack([_turned(body[0][:, 3:], frame[:, k]) for k in range(3)], axis=1)
-        for body, frame in ((i, hold.frame_i), (j, hold.frame_j))
-    )
-    angle = np.arctan2(np.sum(x[:, 1] * y[:, 0], axis=1), np.sum(x[:, 0] * y[:, 0], axis=1))
+    """Return s = atan2(e3, e0), of the Euler parameters e that lead from the frame on body i to that on body j."""
+    a, b = ([product(x[:, 3:], parameters(f)) for x in body] for body, f in ((i, hold.frame_i), (j, hold.frame_j)))
+    of = [[math.comb(k, n) * product(conjugate(a[n]), b[k - n]) for n in range(k + 1)] for k in range(3)]
+    (c, s), (cd, sd), (cdd, sdd) = (np.sum(terms, axis=0).T[[0, 3]] for terms in of)
+    half, square = np.arctan2(s, c), c * c + s * s
     d = j[0][:, :3] + _turned(j[0][:, 3:], hold.u_j) - i[0][:, :3] - _turned(i[0][:, 3:], hold.u_i)
-    counted = (np.sum(x[:, 2] * d, axis=1) - hold.shift) / hold.pitch
-    angle = angle + 2.0 * np.pi * np.round((counted - angle) / (2.0 * np.pi))
-    between = (spin(j[0][:, 3:], j[k][:, 3:]) - spin(i[0][:, 3:], i[k][:, 3:]) for k in (1, 2))
-    return [0.5 * angle, *(0.5 * np.sum(x[:, 2] * turning, axis=1) for turning in between)]
+    height = np.sum(_turned(i[0][:, 3:], hold.frame_i[:, 2]) * d, axis=1)
+    half = half + np.pi * np.round((0.5 * (height - hold.shift) / hold.pitch - half) / np.pi)
+    rate = (c * sd - s * cd) / square
+    return [half, rate, (c * sdd - s * cdd - 2.0 * rate * (c * cd + s * sd)) / square]

@@ -85,7 +85,11 @@ class PointInPlane(OfPoints):
 
 @dataclass(frozen=True, kw_only=True)
 class TurnAboutAxis(_OfAxes):
-    """Body j is turned about the axis against body i by an angle [rad]: `angle`, or that of the law."""
+    """Body j is turned about the axis against body i by an angle [rad]: `angle`, or that of the law.
+
+    Of axes that nothing keeps parallel it is the twist, 2 atan2(e3, e0), (e0, e) the Euler parameters that lead from
+    frame to frame: with points that meet, a constant-velocity joint. In the form `dot` it is another: f_i . g_j = 0.
+    """
 
     kind = "turn about axis"
     angle: float = 0.0
@@ -101,7 +105,10 @@ class ShiftAlongAxis(OfPoints):
 
 @dataclass(frozen=True, kw_only=True)
 class ScrewMotion(OfPoints):
-    """Point j is `shift` [m] and `pitch` [m/rad] times the turn about the axis further along it than point i."""
+    """Point j is `shift` [m] and `pitch` [m/rad] times the turn about the axis further along axis i than point i.
+
+    The turn is that of `TurnAboutAxis`, also where nothing keeps the axes parallel; its turns are counted.
+    """
 
     kind = "screw"
     rows = 2

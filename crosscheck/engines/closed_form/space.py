@@ -18,6 +18,7 @@ else holds it, it is passive, and its spin is left as it comes.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -47,6 +48,7 @@ ALIKE = 1e-10
 """Conditions whose coefficients are smaller than this part of a size say nothing; two whose directions differ by less
 than its root say the same."""
 CROSSED = ("universal", "perpendicular")
+PARTS = ("orientation", "turn", "twist", "thread", "other")
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
 
 
@@ -129,6 +131,10 @@ class Assembly:
     def ties(self) -> list[Tie]:
         """The joints, with the laws of their drivers, and the distances that drivers hold."""
         conditions = list(given(self.scene.mechanism))
+        known = Counter(g.name for g in conditions if g.kind not in PARTS)
+        strange = [g.name for g in conditions if known[g.name] != 1]
+        if strange:
+            raise NotPlaced(f"{strange[0]}: no equations here for the elements that it consists of, taken together")
         laws: dict[tuple[str, str], Jet] = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
         return [self._tie(g, laws) for g in conditions if not g.joint]
 

@@ -42,7 +42,7 @@ from crosscheck.engines.exudyn.solve import (
     start_of,
     stopping_rule,
 )
-from crosscheck.engines.exudyn.space import STILL_TERMS, ExudynSpaceRows
+from crosscheck.engines.exudyn.space import NO_TWIST, STILL_TERMS, ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
@@ -98,6 +98,7 @@ CAPABILITIES: Capabilities = {
     "turn about axis by a law": _SET,
     "shift along axis by a law": _SET,
     "distance of space by a law": _CYLINDER,
+    "twist about axis": {**_FROM_AXES, Level.SOLVE: refused(NO_TWIST)},
     "screw": dict.fromkeys(Level, refused("exudyn has no screw joint")),
 }
 

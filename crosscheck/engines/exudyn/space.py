@@ -37,7 +37,20 @@ from exudyn import itemInterface as item
 from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.frames import Length, Linear, RowMap
-from crosscheck.engines.spatial.reading import CROSSED, MEETING, ROWS, Drive, F, G, H, Hold, Kind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import (
+    COUNTED,
+    CROSSED,
+    MEETING,
+    ROWS,
+    Drive,
+    F,
+    G,
+    H,
+    Hold,
+    Kind,
+    Numbers,
+    numbers_of,
+)
 from crosscheck.engines.spatial.turning import about_z, common_columns
 from refkin.joints import GROUND, SI, Constraint
 from refkin.model import Mechanism
@@ -45,6 +58,7 @@ from refkin.model import Mechanism
 Array = Any
 HELD = {(F, H): 4, (G, H): 3, (F, G): 5, (H, H): 5}
 """Which axis of a generic joint holds f, g or h of i across one of j."""
+NO_TWIST = "of a turn exudyn has f_i . g_j alone, which says how far it is only where the axes are parallel"
 FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -131,12 +145,12 @@ class ExudynSpace(ExudynSystem):
         return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
     def _joint(self, hold: Hold) -> None:
-        if hold.kind == Kind.SCREW:
-            raise EngineRefusal(f"exudyn refuses screw {hold.name!r}: it has no screw joint")
-        first = len(self.lines) - hold.row
+        if hold.kind in COUNTED | {Kind.OTHER}:
+            raise EngineRefusal(f"exudyn refuses {hold.kind} {hold.name!r}: it has no such joint")
+        first = len(self.lines)
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
-            self.lines.append(Line(hold, what, len(self.lines) - first, hold.name, number, own, factor))
+            self.lines.append(Line(hold, what, hold.rows[len(self.lines) - first], hold.name, number, own, factor))
 
         if hold.kind == Kind.REVOLUTE:
             frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
@@ -153,7 +167,7 @@ class ExudynSpace(ExudynSystem):
         if hold.kind == Kind.DISTANCE:
             rod = item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=hold.length)
             add(self.mbs.AddObject(rod), 0, ("length",))
-        for what in ROWS.get(hold.kind, ()):
+        for what in ROWS.get(Kind.TURN if hold.kind == Kind.TWIST else hold.kind, ()):
             own, i, j = HELD[what[1:]] if what[0] == "dot" else what[1], hold.frame_i, hold.frame_j
             if what == CROSSED:
                 i, j = i[:, [H, F, G]], j[:, [G, H, F]]
@@ -164,13 +178,13 @@ class ExudynSpace(ExudynSystem):
         markers = self._markers(hold)
         if drive.kind == Kind.DISTANCE:
             rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
-            line = Line(hold, ("length",), 0, drive.name, rod, 0, 1.0, drive)
+            line = Line(hold, ("length",), drive.row, drive.name, rod, 0, 1.0, drive)
         elif drive.kind == Kind.ANGLE:
             joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
-            line = Line(hold, ("turned",), 0, drive.name, joint, 5, 1.0, drive)
+            line = Line(hold, ("turned",), drive.row, drive.name, joint, 5, 1.0, drive)
         elif drive.kind == Kind.DISPLACEMENT:
             joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
-            line = Line(hold, ("along", H), 0, drive.name, joint, 2, 1.0, drive, markers[0])
+            line = Line(hold, ("along", H), drive.row, drive.name, joint, 2, 1.0, drive, markers[0])
         else:
             raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
         self.lines.append(line)
@@ -348,7 +362,8 @@ class ExudynSpaceRows(ExudynSpace):
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
         holds = [hold for hold in numbers.holds if hold.name in known]
         # the driver of a screw counts turns by a coordinate of its own, which exudyn has not
-        drives = [d for d in numbers.drives if d.name in known and d.hold.kind != Kind.SCREW]
+        counted = {hold.name for hold in numbers.holds if hold.kind in COUNTED}
+        drives = [d for d in numbers.drives if d.name in known and d.hold.name not in counted]
         super().__init__(numbers, holds, drives)
         self.rows: Sequence[RowMap] = tuple(
             RowMap(

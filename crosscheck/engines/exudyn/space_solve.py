@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError, Term
+from crosscheck.engines import EngineError, EngineRefusal, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
-from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
+from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
-from crosscheck.engines.spatial.reading import AXIAL, Kind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, Kind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND
@@ -45,6 +45,10 @@ class SpaceModel:
     def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
         self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped
         refuse_without_estimates(scene)
+        twists = [x.name for x in self.numbers.drives if x.kind == Kind.ANGLE and x.hold.kind not in AXIAL]
+        twists += [x.name for x in self.numbers.holds if x.kind == Kind.TWIST]
+        if twists:
+            raise EngineRefusal(f"exudyn refuses {twists[0]!r}: {NO_TWIST}")
         self.start = np.concatenate([*estimates(scene, self.numbers).values()])
         self.model = ExudynSpace(self.numbers, self.numbers.holds, self.numbers.drives)
 
@@ -182,7 +186,7 @@ class SpaceEquations(OwnSolver):
             x, y = at[hold.body_i] @ hold.frame_i, at[hold.body_j] @ hold.frame_j
             if hold.kind in AXIAL and x[:, 2] @ y[:, 2] < 0.0:
                 raise EngineError(f"it reported success with the axes of {hold.name!r} antiparallel")
-            if hold.kind in (Kind.PRISMATIC, Kind.FIXED) and x[:, 0] @ y[:, 0] < 0.0:
+            if UNTURNED in ROWS.get(hold.kind, ()) and x[:, 0] @ y[:, 0] < 0.0:
                 raise EngineError(f"it reported success with {hold.name!r} turned by pi")
         for drive in self.numbers.drives:
             if drive.kind == Kind.ANGLE:

@@ -94,7 +94,7 @@ CAPABILITIES: Capabilities = {
     "distance by a law": by_level(_SQUARED, _LAW[Level.SOLVE]),
     "points of space coincide": _levels(),
     "axes parallel": _levels(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
-    "turn about axis": _levels(solve=_EDGE_OR_ROW),
+    **dict.fromkeys(("turn about axis", "twist about axis"), _levels(solve=_EDGE_OR_ROW)),
     "screw": by_level(_NO_ROW, derived("a slide that the adapter moves with its hinge")),
     **dict.fromkeys(
         ("axes perpendicular", "point on axis", "point in plane", "distance of space"), by_level(_NO_ROW, _EDGE_OR_ROW)

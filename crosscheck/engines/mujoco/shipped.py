@@ -141,7 +141,7 @@ class SpaceSimulation(MujocoSpace):
         """Return the equality that a driver sets, and the law's value at which the equality's is zero."""
         if drive.kind == Kind.DISTANCE:
             return self._hold_length(drive.hold, 0.0), 0.0
-        edge = self.tree.edge_of(drive.hold)
+        edge = self.tree.edge_of(drive)
         if edge is None:
             _refuse(f"{drive.kind} {drive.name!r}, whose joint closes a loop")
         turns = drive.kind == Kind.ANGLE and edge.kind in (Kind.CYLINDRICAL, Kind.SCREW)

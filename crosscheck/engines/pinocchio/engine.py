@@ -66,8 +66,9 @@ CAPABILITIES: Capabilities = {
     "points of space coincide": dict.fromkeys(Level, NATIVE),
     "axes parallel": by_level(TWO_PAIRS, NATIVE),
     "screw": by_level(NO_ROW, NATIVE),
+    "distance of space": by_level(NO_ROW, EDGE_OR_ROW),
     **dict.fromkeys(
-        ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "distance of space"),
+        ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "twist about axis"),
         by_level(NO_ROW, EDGE_OR_ROW),
     ),
 }

@@ -105,7 +105,7 @@ class SpaceExample:
     def __init__(self, system: SpaceSystem) -> None:
         self.space: Any = system.engine
         self.model, tree = self.space.model, system.tree
-        self.drives = [(drive, self._joint(tree.edge_of(drive.hold), drive)) for drive in tree.numbers.drives]
+        self.drives = [(drive, self._joint(tree.edge_of(drive), drive)) for drive in tree.numbers.drives]
         for hold in tree.closures:
             if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE):
                 _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")

@@ -189,7 +189,7 @@ class SpaceRows(ConstraintModel):
         holds = [hold for hold in self.numbers.holds if hold.name in known]
         self.places: list[Place] = []
         meeting = [hold for hold in holds if hold.kind in MEETING]
-        welded = [hold for hold in holds if hold.kind in AXIAL] if welds is not None else []
+        welded = [hold for hold in holds if hold.kind in ROTATIONS] if welds is not None else []
         pairs, turned = ([self._ends(hold) for hold in group] for group in (meeting, welded))
         self.tree = absolute_tree(self.numbers)
         extra = {"welds": turned} if welds is not None else {}
@@ -240,15 +240,25 @@ class SpaceRows(ConstraintModel):
 
 def _maps(meeting: Sequence[Hold], welded: Sequence[Hold], factor: float) -> list[RowMap]:
     maps = [
-        RowMap(constraint=h.name, row=h.row + k, engine_row=3 * n + k) for n, h in enumerate(meeting) for k in range(3)
+        RowMap(constraint=h.name, row=h.rows[k], engine_row=3 * n + k) for n, h in enumerate(meeting) for k in range(3)
     ]
     first = 3 * len(meeting)
     for n, hold in enumerate(welded):
-        row = hold.row + (3 if hold.kind in MEETING else 0)
-        # of the weld of a joint that does not turn all three rotations are rows, else the first two
-        third = {Kind.FIXED: [row + 2], Kind.PRISMATIC: [row + 4]}.get(hold.kind, [])
         maps += [
-            RowMap(constraint=hold.name, row=at, engine_row=first + 3 * n + k, factor=factor, either=True)
-            for k, at in enumerate([row, row + 1, *third])
+            RowMap(constraint=hold.name, row=hold.rows[at], engine_row=first + 3 * n + k, factor=factor, either=True)
+            for k, at in ROTATIONS[hold.kind].items()
         ]
     return maps
+
+
+_AXES = {0: 0, 1: 1}
+ROTATIONS: dict[Kind, dict[int, int]] = {
+    **dict.fromkeys(AXIAL, _AXES),
+    Kind.REVOLUTE: {0: 3, 1: 4},
+    Kind.FIXED: {0: 3, 1: 4, 2: 5},
+    Kind.PRISMATIC: _AXES | {2: 4},
+    Kind.ORIENTATION: _AXES | {2: 2},
+    Kind.TURN: {2: 0},
+    Kind.TWIST: {2: 0},
+}
+"""Rotation of a weld -> which of a joint's rows it is."""

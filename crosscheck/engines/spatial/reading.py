@@ -6,16 +6,17 @@ Lengths are in units of the mechanism's size and seen from its first ground poin
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal
 from crosscheck.engines.spatial.passive import Line, spins
-from crosscheck.engines.spatial.turning import joint_frame
+from crosscheck.engines.spatial.turning import about_z, joint_frame
 from refkin import joints
 from refkin.model import Mechanism
 from refkin.motion import Route
@@ -23,7 +24,7 @@ from refkin.motion_laws import Law
 
 
 class Kind(StrEnum):
-    """What a joint is (`SHAPES`), what a driver moves (`DRIVEN`), or that nothing holds a body."""
+    """What a joint is, or a part of one (`SHAPES`); what a driver moves (`DRIVEN`); or that nothing holds a body."""
 
     SPHERICAL = "spherical"
     """Two points coincide."""
@@ -49,12 +50,22 @@ class Kind(StrEnum):
     """A point stays in a plane."""
     ON_LINE = "point_on_line"
     """A point stays on a line."""
+    ORIENTATION = "orientation"
+    """Two axes keep one direction, and nothing turns about them."""
+    TURN = "turn"
+    """Nothing turns about axes that the rest of the joint keeps parallel."""
+    TWIST = "twist"
+    """Nothing turns about axes that nothing else of the joint keeps parallel."""
+    THREAD = "thread"
+    """A shift along an axis is in proportion to a turn about it."""
     ANGLE = "angle"
     """A driver of a turn about an axis."""
     DISPLACEMENT = "displacement"
     """A driver of a shift along one."""
     FREE = "free"
     """No joint: a body that nothing holds."""
+    OTHER = "other"
+    """A joint of which nothing is known but its bodies."""
 
 
 MEETING = frozenset({Kind.SPHERICAL, Kind.REVOLUTE, Kind.UNIVERSAL, Kind.FIXED})
@@ -72,8 +83,13 @@ SHAPES: Mapping[tuple[type[joints.Element], ...], Kind] = {
     (joints.AxesPerpendicular,): Kind.PERPENDICULAR,
     (joints.PointInPlane,): Kind.ON_PLANE,
     (joints.PointOnAxis,): Kind.ON_LINE,
+    (joints.AxesParallel, joints.TurnAboutAxis): Kind.ORIENTATION,
+    (joints.TurnAboutAxis,): Kind.TWIST,
+    (joints.ScrewMotion,): Kind.THREAD,
 }
-"""What a joint of these elements is."""
+"""What a joint of these elements is, in whatever order it has them; its rows are those of the elements in this one."""
+LARGEST_FIRST = sorted(SHAPES, key=len, reverse=True)
+KEYS = ("point", "axis", "zero")
 DRIVEN: Mapping[type[joints.Element], Kind] = {
     joints.TurnAboutAxis: Kind.ANGLE,
     joints.ShiftAlongAxis: Kind.DISPLACEMENT,
@@ -85,9 +101,10 @@ SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
 ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
 UNTURNED, CROSSED = ("dot", F, G), ("dot", H, H)
 ROWS: dict[str, tuple[Any, ...]] = {
-    Kind.CYLINDRICAL: SAME + ON_AXIS,
+    **dict.fromkeys((Kind.CYLINDRICAL, Kind.SCREW), SAME + ON_AXIS),
     Kind.PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
-    Kind.FIXED: (*SAME, UNTURNED),
+    **dict.fromkeys((Kind.FIXED, Kind.ORIENTATION), (*SAME, UNTURNED)),
+    Kind.TURN: (UNTURNED,),
     Kind.PARALLEL: SAME,
     Kind.ON_LINE: ON_AXIS,
     Kind.ON_PLANE: (("along", H),),
@@ -97,8 +114,15 @@ ROWS: dict[str, tuple[Any, ...]] = {
 
 Axis a of i is perpendicular to axis b of j ("dot"), or the points differ by nothing along axis a of i ("along").
 """
-AXIAL = frozenset({Kind.REVOLUTE, Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.SCREW, Kind.FIXED, Kind.PARALLEL})
+AXIAL = frozenset(kind for shape, kind in SHAPES.items() if joints.AxesParallel in shape)
 """Joints whose two axes have one direction."""
+COUNTED = frozenset(kind for shape, kind in SHAPES.items() if joints.ScrewMotion in shape)
+"""Joints whose turns count."""
+MOVED: Mapping[Kind, tuple[Kind, ...]] = {
+    Kind.ANGLE: (Kind.REVOLUTE, Kind.CYLINDRICAL, Kind.SCREW),
+    Kind.DISPLACEMENT: (Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.SCREW),
+}
+"""Of which joints a driver moves a coordinate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,13 +137,13 @@ class Hold:
         Its frames, columns f, g, h (`joint_frame`); of a joint without axes the identity.
     length, pitch, shift : float
         Of a distance; of a screw: length for each radian, and length at angle zero.
-    row : int
-        The first of the joint's rows that it stands for: 0 but for what is read element by element.
+    rows : tuple of int
+        Which of the joint's rows its own are, in the order of `SHAPES`.
     """
 
     name: str
     kind: Kind
-    row: int = 0
+    rows: tuple[int, ...] = ()
     body_i: str
     body_j: str
     u_i: Any
@@ -153,6 +177,7 @@ class Drive:
     hold: Hold
     law: Any
     size: float = 1.0
+    row: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,14 +223,14 @@ def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], e
 
 @dataclass(frozen=True)
 class Given:
-    """A joint or driver in the scene's own numbers [m]: kind, bodies i and j, and what its elements say of each.
+    """A joint, a part of one, or a driver in the scene's own numbers [m]: kind, bodies i and j, what is said of each.
 
-    `joint` is the name of the joint that a driver moves, "" if there is none; `row` the first of the joint's rows.
+    `joint` is the name of the joint that a driver moves, "" if there is none; `rows` are those of the joint that it is.
     """
 
     name: str
     kind: Kind
-    row: int
+    rows: tuple[int, ...]
     bodies: tuple[str, str]
     points: tuple[Any, Any]
     axes: tuple[Any, Any]
@@ -213,34 +238,49 @@ class Given:
     length: float
     pitch: float
     shift: float
+    angle: float
     laws: tuple[Law, ...]
     joint: str
 
 
-def given(mechanism: Mechanism, *, apart: bool = False) -> Iterator[Given]:
+def given(mechanism: Mechanism) -> Iterator[Given]:
     """Yield the joints, then the drivers of a mechanism of space, as their elements have them.
 
-    Parameters
-    ----------
-    apart : bool
-        Whether a joint that is none of `SHAPES` is yielded element by element, each as the joint that it alone makes.
-
-    Raises
-    ------
-    EngineRefusal
-        If one consists of other elements than are known here.
+    A joint of elements that are together none of `SHAPES` is yielded in parts, the largest that are, then those of
+    single elements; what is not known here, or not said by elements, as `OTHER`.
     """
-    for k, constraint in enumerate(mechanism.constraints):
+    for constraint in mechanism.constraints:
         elements: list[Any] = list(joints.elements_of([constraint]))
-        shape, driver = tuple(map(type, elements)), k >= len(mechanism.joints)
-        kind = DRIVEN.get(shape[0]) if driver and shape else SHAPES.get(shape)
-        if kind is not None:
-            yield _given(constraint.name, kind, elements, getattr(constraint, "joint", "") if driver else "")
-        elif apart and elements and not driver and all((each,) in SHAPES for each in shape):
-            yield from (_given(constraint.name, SHAPES[(type(e),)], [e], "") for e in elements)
-        else:
-            what = f"{constraint.type} {constraint.name!r}"
-            raise EngineRefusal(f"{what}: no equations here for the elements that it consists of, taken together")
+        for e in elements or [constraint]:
+            if e is constraint or (e.laws and type(e) not in DRIVEN):
+                yield _given(constraint.name, Kind.OTHER, [e], "")
+            elif e.laws:
+                yield _given(constraint.name, DRIVEN[type(e)], [e], getattr(constraint, "joint", ""))
+        for kind, part in parts([e for e in elements if not e.laws]):
+            yield _given(constraint.name, kind, part, "")
+
+
+def parts(elements: Sequence[Any]) -> Iterator[tuple[Kind, list[Any]]]:
+    """Yield what elements are, and which, each once: the largest of `SHAPES` first, whatever order they come in."""
+    left = list(elements)
+    for shape in LARGEST_FIRST:
+        plain = [e for e in left if len(shape) == 1 or not getattr(e, "angle", 0.0)]  # what is turned stands alone
+        while group := next(filter(_alike, product(*([e for e in plain if type(e) is t] for t in shape))), None):
+            plain, left = ([e for e in some if not any(e is own for own in group)] for some in (plain, left))
+            tied = SHAPES[shape] is Kind.TWIST and any(_keeps_parallel(e, *group) for e in elements)
+            yield Kind.TURN if tied else SHAPES[shape], list(group)
+    yield from ((Kind.OTHER, [e]) for e in left)
+
+
+def _keeps_parallel(e: Any, turn: Any) -> bool:
+    same = e.bodies == turn.bodies and isinstance(e, joints.AxesParallel)
+    return same and (e.axis_i, e.axis_j) == (turn.axis_i, turn.axis_j)
+
+
+def _alike(group: Sequence[Any]) -> bool:
+    """Whether elements say what they say of the same bodies, points, axes and zeros."""
+    said = [[one.bodies, *(getattr(one, f"{key}_{side}", None) for key in KEYS for side in "ij")] for one in group]
+    return all(len({x for x in values if x is not None}) < 2 for values in zip(*said, strict=True))
 
 
 def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
@@ -252,7 +292,7 @@ def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
     return Given(
         name=name,
         kind=kind,
-        row=elements[0].row,
+        rows=tuple(getattr(e, "row", 0) + k for e in elements for k in range(e.rows)),
         bodies=elements[0].bodies,
         points=said("point"),
         axes=said("axis"),
@@ -260,37 +300,43 @@ def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
         length=getattr(elements[-1], "length", 0.0),
         pitch=getattr(elements[-1], "pitch", 0.0),
         shift=getattr(elements[-1], "shift", 0.0),
+        angle=getattr(elements[-1], "angle", 0.0),
         laws=elements[0].laws,
         joint=joint,
     )
 
 
 def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
-    """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit.
-
-    Raises
-    ------
-    EngineRefusal
-        If a joint consists of other elements than are known here.
-    """
+    """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit."""
     unit = mechanism.unit() if unit is None else unit
     origin = np.array([*unit.origin, 0.0, 0.0, 0.0][:3], float)
-    every = list(given(mechanism, apart=True))
-    holds = [_hold(g, unit.size, origin) for g in every if not g.laws]
-    moved = {hold.name: hold for hold in holds}  # those that a driver may move are read whole
+    every = list(given(mechanism))
+    whole = [(g, _hold(g, unit.size, origin)) for g in every if not g.laws]
     drives = tuple(
         Drive(
             name=g.name,
             kind=g.kind,
-            hold=moved[g.joint] if g.joint else _hold(g, unit.size, origin),
+            hold=next(_moved(g, whole), None) or _hold(replace(g, name=g.joint or g.name), unit.size, origin),
             law=g.laws[0],
             size=1.0 if g.kind == Kind.ANGLE else unit.size,
+            row=g.rows[0],
         )
         for g in every
         if g.laws
     )
     bodies = tuple(body.name for body in mechanism.bodies)
-    return Numbers(bodies=bodies, holds=tuple(holds), drives=drives, size=unit.size, origin=origin)
+    holds = tuple(hold for _, hold in whole)
+    return Numbers(bodies=bodies, holds=holds, drives=drives, size=unit.size, origin=origin)
+
+
+def _moved(driver: Given, holds: Sequence[tuple[Given, Hold]]) -> Iterator[Hold]:
+    """Yield of the parts of a driver's joint those that have the coordinate it moves, then those of parallel axes."""
+    for kinds in (MOVED.get(driver.kind, ()), AXIAL):
+        for part, hold in holds:
+            ends = zip(driver.points + driver.axes + driver.zeros, part.points + part.axes + part.zeros, strict=True)
+            same = all(own is None or own == other for own, other in ends)
+            if part.name == driver.joint and part.kind in kinds and same:
+                yield hold
 
 
 def _hold(g: Given, size: float, origin: Array) -> Hold:
@@ -301,6 +347,7 @@ def _hold(g: Given, size: float, origin: Array) -> Hold:
         ends[f"u_{side}"] = (at - origin if body == joints.GROUND and point is not None else at) / size
         if axis is not None:
             ends[f"frame_{side}"] = joint_frame(axis, zero)
-    return Hold(
-        name=g.name, kind=g.kind, row=g.row, **ends, length=g.length / size, pitch=g.pitch / size, shift=g.shift / size
-    )
+    if g.angle and not g.laws:
+        ends["frame_i"] = ends["frame_i"] @ about_z(g.angle)
+    ends |= {"length": g.length / size, "pitch": g.pitch / size, "shift": g.shift / size}
+    return Hold(name=g.name, kind=g.kind, rows=g.rows, **ends)

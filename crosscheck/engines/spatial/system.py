@@ -13,6 +13,9 @@ universal           one pair, h_i . h_j
 fixed               one pair, f_i . h_j, g_i . h_j, f_i . g_j
 cylindrical         f_i . h_j, g_i . h_j, f_i . d, g_i . d
 prismatic           the same, f_i . g_j
+screw               f_i . h_j, g_i . h_j, f_i . d, g_i . d, h_i . d less what the turn makes of it
+orientation         f_i . h_j, g_i . h_j, f_i . g_j
+twist               the angle of the turn about h
 distance            (d . d - L^2) / (2 L)
 =================== =====================================================================
 """
@@ -28,8 +31,9 @@ import numpy as np
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
-from crosscheck.engines.spatial.reading import MEETING, ROWS, Drive, H, Hold, Kind
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold, Kind
 from crosscheck.engines.spatial.tree import SpaceTree
+from crosscheck.engines.spatial.turning import about_z
 
 Array = Any
 
@@ -121,8 +125,8 @@ class SpaceSystem(Equations):
         return self._place(i[0], i[1] + along * i[2][:, 2], i[2]), self._place(j[0], j[1] + along * j[2][:, 2], j[2])
 
     def _close(self, hold: Hold) -> None:
-        if hold.kind == Kind.SCREW:
-            raise EngineRefusal(f"screw {hold.name!r} closes a loop: a joint tree has it as an edge alone")
+        if hold.kind == Kind.OTHER:
+            raise EngineRefusal(f"{hold.name!r}: no equations here for an element that it consists of")
         i, j = self._ends(hold)
         if hold.kind in MEETING:
             self.pairs.append((i, j))
@@ -132,15 +136,20 @@ class SpaceSystem(Equations):
             self._rows.append((_dot(i, a, j, *b) if what == "dot" else _along(i, a, j), (0.0, 0.0, 0.0)))
         if hold.kind == Kind.DISTANCE:
             self._rows.append((_distance(i, j), (hold.length, 0.0, 0.0)))
+        if hold.kind == Kind.TWIST:
+            self._rows.append((_twist(i, j), (0.0, 0.0, 0.0)))
+        if hold.kind in COUNTED:
+            self._rows.append((_thread(i, j, hold.pitch), (hold.shift, 0.0, 0.0)))
 
     def _drive(self, drive: Drive) -> Any:
         """Return the coordinate that a driver moves, with factor and shift, or its row."""
-        edge = None if drive.kind == Kind.DISTANCE else self.tree.edge_of(drive.hold)
+        if drive.kind == Kind.OTHER:
+            raise EngineRefusal(f"{drive.name!r}: no equations here for an element that it consists of")
+        edge = self.tree.edge_of(drive)
         if edge is None:
-            if drive.hold.kind == Kind.SCREW:
-                raise EngineRefusal(f"screw {drive.hold.name!r} is driven and no edge of the tree")
             i, j = self._ends(drive.hold)
-            return {Kind.DISTANCE: _distance(i, j), Kind.ANGLE: _angle(i, j)}.get(drive.kind, _along(i, H, j))
+            turned = _angle if drive.hold.kind in AXIAL else _twist
+            return {Kind.DISTANCE: _distance, Kind.ANGLE: turned}.get(drive.kind, _shift)(i, j)
         if edge.kind == Kind.SCREW and drive.kind != Kind.ANGLE:
             return edge.first, edge.pitch, edge.shift
         column = edge.first + (1 if edge.kind == Kind.CYLINDRICAL and drive.kind == Kind.ANGLE else 0)
@@ -250,7 +259,10 @@ def _axis(state: State, k: int, a: int) -> tuple[Any, Any]:
 
 def _axis_motion(state: State, k: int, a: int) -> tuple[Any, Any, Any]:
     """Return an axis, its rate w x a, and alpha x a + w x (w x a)."""
-    axis, w, alpha = state.axes[k][:, a], state.vel[k, 3:], state.acc[k, 3:]
+    return _turning(state.axes[k][:, a], state.vel[k, 3:], state.acc[k, 3:])
+
+
+def _turning(axis: Any, w: Any, alpha: Any) -> tuple[Any, Any, Any]:
     rate = np.cross(w, axis)
     return axis, rate, np.cross(alpha, axis) + np.cross(w, rate)
 
@@ -289,6 +301,10 @@ def _along(i: int, a: int, j: int) -> Row:
     return row
 
 
+def _shift(i: int, j: int) -> Row:
+    return _along(i, H, j)
+
+
 def _distance(i: int, j: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
         length = f[0] or 1.0
@@ -311,5 +327,47 @@ def _angle(i: int, j: int) -> Row:
         x = state.axes[i].T @ state.axes[j]
         angle = math.atan2(x[1, 0] - x[0, 1], x[0, 0] + x[1, 1])
         return math.remainder(angle - f[0], math.tau), h @ (state.jac[j, 3:] - state.jac[i, 3:])
+
+    return row
+
+
+def _turn(state: State, i: int, j: int, angle: float) -> tuple[Any, float, Any, float]:
+    """Return i turned by an angle about its axis, by how much j is turned further, the gradient by w, its divisor.
+
+    A turn is twice atan2(e3, e0) of the Euler parameters that lead from frame to frame, of which g_i . f_j - f_i . g_j
+    is 4 e0 e3 and f_i . f_j + g_i . g_j, the divisor, 2 (e0^2 - e3^2). The gradient is that where the first is zero.
+    """
+    x, y = state.axes[i] @ about_z(angle), state.axes[j]
+    beside = x[:, F] @ y[:, F] + x[:, G] @ y[:, G]
+    further = math.atan2(x[:, G] @ y[:, F] - x[:, F] @ y[:, G], beside)
+    return x, further, (np.cross(y[:, F], x[:, G]) - np.cross(y[:, G], x[:, F])) / beside, beside
+
+
+def _twist(i: int, j: int) -> Row:
+    """Return the row of a turn, by a law or by nothing, about axes that need not have one direction."""
+
+    def row(state: State, f: Law) -> tuple[Any, Any]:
+        x, further, about, beside = _turn(state, i, j, f[0])
+        if state.vel is None:
+            return further, about @ (state.jac[j, 3:] - state.jac[i, 3:])
+        w, own = state.vel[i, 3:], f[1] * x[:, H]
+        g, f_ = (_turning(x[:, a], w + own, state.acc[i, 3:] + np.cross(w, own)) for a in (G, F))
+        bend = _product(g, _axis_motion(state, j, F)) - _product(f_, _axis_motion(state, j, G))
+        return f[2] - bend / beside, None
+
+    return row
+
+
+def _thread(i: int, j: int, pitch: float) -> Row:
+    """Return the row of a screw, h_i . d - shift - pitch theta: of the turns that theta may count the nearest."""
+    height, twist = _along(i, H, j), _twist(i, j)
+
+    def row(state: State, f: Law) -> tuple[Any, Any]:
+        (off, along), angle = height(state, f), _turn(state, i, j, 0.0)[1]
+        if state.vel is None:
+            _, slope = twist(state, (angle, 0.0, 0.0))
+            return pitch * math.remainder(off / pitch - angle, math.tau), along - pitch * slope
+        rate = _turn(state, i, j, angle)[2] @ (state.vel[j, 3:] - state.vel[i, 3:])
+        return off - pitch * twist(state, (angle, rate, 0.0))[0], None
 
     return row

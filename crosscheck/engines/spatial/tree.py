@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError
-from crosscheck.engines.spatial.reading import Hold, Kind, Numbers
+from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, Kind, Numbers
 from crosscheck.engines.spatial.turning import about_z, body_columns, matrix, parameters
 from refkin.joints import GROUND
 
@@ -94,9 +94,10 @@ class SpaceTree:
         """Where Euler parameters are among the coordinates."""
         return [edge.turned for edge in self.edges if edge.kind in (Kind.SPHERICAL, Kind.FREE)]
 
-    def edge_of(self, hold: Hold) -> Edge | None:
-        """Return the edge that a joint has become."""
-        return next((edge for edge in self.edges if edge.hold == hold.name), None)
+    def edge_of(self, drive: Drive) -> Edge | None:
+        """Return the edge that a driver moves, if its joint has become one."""
+        edges = (edge for edge in self.edges if (edge.hold, edge.kind) == (drive.hold.name, drive.hold.kind))
+        return next((edge for edge in edges if edge.kind in MOVED.get(drive.kind, ())), None)
 
     def rates(self, q: Array) -> Array:
         """Return the matrix (v, n) that makes rates of the joints, turns in the body's own axes, of q'."""
@@ -171,7 +172,7 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
         key=lambda hold: (hold.name not in driven, PREFERENCE.index(hold.kind)),
     )
     edges: list[Edge] = []
-    used, reached = set[tuple[str, int]](), [GROUND]
+    used, reached = list[Hold](), [GROUND]
     while len(reached) <= len(numbers.bodies):
         hold = next((h for h in order if (h.body_i in reached) != (h.body_j in reached)), None)
         if hold is None:
@@ -179,10 +180,10 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
             edge = free_edge(body)
         else:
             edge = _edge(hold, hold.body_i if hold.body_i in reached else hold.body_j)
-            used.add((hold.name, hold.row))
+            used.append(hold)
         edges.append(replace(edge, first=sum(WIDTH[before.kind] for before in edges)))
         reached.append(edge.body)
-    closures = tuple(hold for hold in numbers.holds if (hold.name, hold.row) not in used)
+    closures = tuple(hold for hold in numbers.holds if not any(hold is edge for edge in used))
     return SpaceTree(numbers=numbers, edges=tuple(edges), closures=closures, estimates=dict(estimates))
 
 
