@@ -114,8 +114,7 @@ class Mechanism:
 def _diameter(points: Sequence[Any]) -> float:
     """Return the largest distance of two points; of many, only those far enough from their middle are compared."""
     if len(points) > 32:
-        middle = (np.min(points, axis=0) + np.max(points, axis=0)) / 2
-        away = reduce(np.hypot, (np.array(points) - middle).T)
+        away = reduce(np.hypot, (np.array(points) - (np.min(points, axis=0) + np.max(points, axis=0)) / 2).T)
         least = max(math.dist(p, points[int(np.argmax(away))]) for p in points) - (1 + 1e-12) * np.max(away)
         points = [p for p, a in zip(points, away, strict=True) if a >= least]
     return max((math.dist(a, b) for k, a in enumerate(points) for b in points[:k]), default=0.0)

@@ -122,7 +122,8 @@ class System:
         for k, shift in enumerate(self.unit.origin):
             at = out[k : self.of_bodies : self.kind.width]
             at *= self.unit.size
-            at += -0.0 if order or not np.any(shift) else shift  # -0.0 changes no bit
+            if not order and np.any(shift):
+                at += shift
         return out
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:

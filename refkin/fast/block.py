@@ -66,12 +66,15 @@ class Block:
         self.count = samples.stop - samples.start
         self.system = of_samples(group.system, samples)
         self.checked = without_zeros(self.system)
-        self.space = Workspace(made.marching, self.count, sample_geometry=True)
+        self.driven = {k: p.constraint for k, p in enumerate(self.system.placed) if p.constraint.laws}
+        self.given = self._laws(group.scene.times[0])
+        common = [k for k, laws in self.given.items() if not any(np.ndim(x) for law in laws for x in law)]
+        self.space = Workspace(made.marching, self.count, common=common)
         self.space.give_geometry([p.g for p in self.system.placed], self._profile)
         out = made.marching.outputs
-        self.core_rows = [[rows[c] for c in made.core] for rows in out.levels]
-        # Levels of the core at the last time but one, then at the last.
-        self.history = np.zeros((6, len(made.core), self.count))
+        self.core_rows = [self.space.row(rows[c]) for rows in out.levels for c in made.core]
+        # Levels of the core at the last time but one, at the last, and at the present one.
+        self.history = [np.zeros((3, len(made.core), self.count)) for _ in range(3)]
         self.codes = np.where(group.faulty[samples], NEVER_FOUND, OK).astype(np.uint8)
         self.signs = np.ones((len(out.determinants), self.count))
         self.residual = np.full(self.count, np.nan)
@@ -88,18 +91,18 @@ class Block:
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
         return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
 
-    def _give_laws(self, t: float) -> None:
-        placed = enumerate(self.system.placed)
-        self.space.give_laws({k: p.constraint.inputs(t, self.system.unit, 2) for k, p in placed if p.constraint.laws})
+    def _laws(self, t: float) -> dict[int, Any]:
+        """Return by constraint the values and derivatives of its laws."""
+        return {k: constraint.inputs(t, self.system.unit, 2) for k, constraint in self.driven.items()}
 
     def start(self, t: float) -> None:
         """Find the solution next to each sample's estimate, by the rule of `sweep`."""
-        self._give_laws(t)
+        self.space.give_laws(self.given)
         estimate = self._estimates(t)
         for c, row in zip(self.made.core, self.space.core(), strict=True):
             row[:] = estimate[c]
         corrections, late = self._iterate(START_NEWTON)
-        self.space.run("answer")
+        self._answer()
         bodies = self.system.of_bodies
         off = np.max(np.abs(self.space.level(0)[:bodies] - estimate[:bodies]), axis=0)
         if corrections:
@@ -130,7 +133,7 @@ class Block:
 
     def go_to(self, t: float) -> None:
         """Take all samples to time t by way of the times at which laws turn back; those at times of their own alone."""
-        start, constraints = self.times[-1], tuple(p.constraint for p in self.system.placed)
+        start, constraints = self.times[-1], tuple(self.driven.values())
         alone = may_turn(constraints, start, t, self.count)
         between = common_extrema(constraints, start, t)
         if len(between) > MOST_BETWEEN:
@@ -140,9 +143,9 @@ class Block:
 
     def _monotonously(self, t: float, alone: Any) -> None:
         """Take all samples to time t, in as many steps as the laws of most of them ask for; the others march alone."""
-        start = self.times[-1]
-        asked: Any = np.float64(1.0)
-        for a, b in zip(self._values(start), self._values(t), strict=True):
+        start, asked = self.times[-1], np.float64(1.0)
+        given = ([law[0] for laws in each.values() for law in laws] for each in (self.given, self._laws(t)))
+        for a, b in zip(*given, strict=True):
             asked = np.maximum(asked, np.ceil(np.abs(np.subtract(b, a)) / FURTHEST))  # NaN stays, and marches alone
         count = self._steps(asked)
         hasty = alone | ~(asked <= count)
@@ -160,9 +163,6 @@ class Block:
         counts: set[int] = {1, *np.unique(asked[asked <= MOST_BETWEEN]).astype(int).tolist()}
         return min(counts, key=lambda count: count * together + float(np.sum(alone, where=~(asked <= count))))
 
-    def _values(self, t: float) -> list[Any]:
-        return [law[0] for p in self.system.placed for law in p.constraint.inputs(t, self.system.unit, 0)]
-
     def _step(self, t: float, hasty: Any) -> None:
         before, last = [None, *self.times][-2:]
         assert last is not None
@@ -171,20 +171,28 @@ class Block:
             before = None
         taylor = [0.0, 0.0, 0.0, 1.0, h, h * h / 2], [0.0, 0.0, 0.0, 0.0, 1.0, h]
         value, rate = taylor if before is None else weights(before, last, t)
-        guess, rates = (_combined(factors, self.history) for factors in (value, rate))
-        self._give_laws(t)
+        guess, rates = (_combined(factors, [*self.history[0], *self.history[1]]) for factors in (value, rate))
+        self.given = self._laws(t)
+        self.space.give_laws(self.given)
         for row, values in zip(self.space.core(), guess, strict=True):
             row[:] = values
         undecided = (hasty & self.alive) | self._newton()
         self._march_alone(undecided, t)
-        self.space.run("answer")
+        self._answer()
         strayed = self.alive & ~undecided & ~(self._regular() & self._continues(guess, rates, h))
         if strayed.any():
             self._march_alone(strayed, t)
-            self.space.run("answer")
-        self.codes[self.alive & ~self._regular()] = LOST
+            self._answer()
+        if (undecided | strayed).any():
+            self.codes[self.alive & ~self._regular()] = LOST
         self._check(t, LOST)
         self._remember(t)
+
+    def _answer(self) -> None:
+        """Compute what follows from the core coordinates, and note the levels of the core."""
+        self.space.run("answer")
+        for known, row in zip(self.history[2].reshape(-1, self.count), self.core_rows, strict=True):
+            known[:] = row
 
     def _newton(self) -> Any:
         """Make the Newton steps that each sample asks for; return which samples did not converge, or not at once."""
@@ -216,8 +224,8 @@ class Block:
         """Return which samples, and their rates, are where the prediction has them, by the rules of `march`."""
         if not len(guess):
             return np.ones(self.count, bool)
-        q, v = (np.array([self.space.row(k) for k in rows]) for rows in self.core_rows[:2])
-        off, move, bent = (_largest(a - b) for a, b in ((q, guess), (q, self.history[3]), (v, rates)))
+        q, v, _ = self.history[2]
+        off, move, bent = (_largest(a - b) for a, b in ((q, guess), (q, self.history[1][0]), (v, rates)))
         near = off <= np.minimum(FARTHEST, np.maximum(PART * move, SMALL))
         return near & (bent * h <= np.maximum(SMOOTH * off, SMALL))
 
@@ -235,10 +243,9 @@ class Block:
             if sample not in self.helpers:
                 self.helpers[sample] = self._helper(sample)
             march = self.helpers[sample]
-            levels = self.history[:, :, sample].tolist()
-            known = enumerate(self.times, start=2 - len(self.times))  # the last two times, or the only one
-            poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in known]
-            path = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
+            known = zip(self.times[::-1], self.history[1::-1], strict=False)  # the last time, and the one before it
+            poses = [Pose(at, tuple(map(tuple, x[..., sample].tolist())), march.laws(at)) for at, x in known]
+            path = march.to(t, poses[0], poses[1] if len(poses) > 1 else None)
             if path is None:
                 self.codes[sample] = LOST
                 continue
@@ -283,11 +290,9 @@ class Block:
     def _remember(self, t: float) -> None:
         """Note the levels of the core; samples that are lost are carried on at rest."""
         self.times = [*self.times[-1:], t]
-        self.history[:3] = self.history[3:]
-        for order, rows in enumerate(self.core_rows):
-            for k, row in enumerate(rows):
-                self.history[3 + order, k] = self.space.row(row)
-        self.history[:, :, ~self.alive] = 0.0
+        self.history = [*self.history[1:], self.history[0]]
+        for levels in self.history[:2] if not self.alive.all() else ():
+            levels[:, :, ~self.alive] = 0.0
 
     def radii(self, t: float) -> Any:
         """Return the certified radii (levels, L) of the present poses, NaN where nothing is proved; None if not asked.
@@ -304,8 +309,8 @@ class Block:
         return bounds
 
     def levels(self, order: int) -> Any:
-        """Return coordinates or rates in metres and rad, (n, L); NaN where there are none."""
-        level = self.system.to_physical(self.space.level(order), order)
+        """Return coordinates or rates in metres and rad, (n, L), NaN where there are none: once, after all else."""
+        level = self.system.to_physical(self.space.level(order), order, copy=None)
         if not self.alive.all():
             level[:, ~self.alive] = np.nan
         return level

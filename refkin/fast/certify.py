@@ -58,7 +58,7 @@ class FamilyProof:
         self.nothing = np.full((made.levels, samples), np.nan)
         geometry = exact_geometry(system)
         proof = None if any(_has_spline(p.constraint) for p in system.placed) else made.proof(zeros_of(geometry))
-        self.space = None if proof is None else Workspace(proof.program, samples, sample_geometry=True)
+        self.space = None if proof is None else Workspace(proof.program, samples, common=())
         if self.space is not None:
             self.space.give_geometry(geometry)
 

@@ -215,6 +215,7 @@ def _run(many: Many, made: Compiled, samples: slice, reducer: Callable[[Slice], 
             block.start(t)
         else:
             block.go_to(t)
+        radii = block.radii(t)
         levels = [block.levels(order) if called else None for order, called in enumerate(_called_for(group.scene))]
         if len(rows) < group.system.n:
             levels = [None if level is None else level[rows] for level in levels]
@@ -222,11 +223,11 @@ def _run(many: Many, made: Compiled, samples: slice, reducer: Callable[[Slice], 
         if reducer is not None:
             q, qd, qdd = levels
             codes, residual = block.codes.copy(), block.residual
-            many.reduced.append(reducer(Slice(samples, k, t, q, qd, qdd, codes, residual, block.radii(t))))
+            many.reduced.append(reducer(Slice(samples, k, t, q, qd, qdd, codes, residual, radii)))
             continue
         for kept, level in zip((many.q, many.qd, many.qdd), levels, strict=True):
             if kept is not None:
                 kept[:, samples, k] = level
         many.residual[samples, k] = block.residual
         if many.radii is not None:
-            many.radii[:, samples, k] = block.radii(t)
+            many.radii[:, samples, k] = radii

@@ -317,5 +317,5 @@ def weights(before: float, last: float, t: float) -> tuple[list[float], list[flo
     unit = [[float(k == m) for m in range(6)] for k in range(6)]
     h = last - before
     s = (t - before) / h
-    basis = [coefficients([e[0:1], e[1:2], e[2:3]], [e[3:4], e[4:5], e[5:6]], h)[0] for e in unit]
+    basis = coefficients(unit[:3], unit[3:], h)
     return [at(b, s) for b in basis], [slope(b, s) / h for b in basis]

@@ -7,8 +7,10 @@ other does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,14 @@ MOST_IDLE, MOST_IDLE_BYTES = 2, 2**21
 LINE = 8
 """Numbers in a line of the cache: rows start at one, with a line between them so that they do not share a place."""
 
-UFUNCS: Mapping[str, Callable[..., Any]] = {
+
+def _select(mask: Any, x: Any, y: Any, out: Any) -> None:
+    """`out` is none of the arguments."""
+    np.copyto(out, y)
+    np.copyto(out, x, where=mask)
+
+
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
     "mul": np.multiply,
@@ -39,6 +48,8 @@ UFUNCS: Mapping[str, Callable[..., Any]] = {
     "sin": np.sin,
     "tan": np.tan,
     "copy": np.positive,
+    "max": lambda a, b, out: np.maximum(a, b, out=out),
+    "select": _select,
 }
 
 
@@ -56,21 +67,23 @@ class Workspace:
         The `w` bank; inputs are written to it and outputs read from it, see `Program.inputs` and `Program.outputs`.
     """
 
-    def __init__(self, program: Program, samples: int, *, sample_geometry: bool = False) -> None:
-        """Allocate registers; with `sample_geometry` each sample is a mechanism of its own, else all are one."""
+    def __init__(self, program: Program, samples: int, *, common: Collection[int] | None = None) -> None:
+        """Allocate registers; each sample is a time, or, with `common`, a mechanism.
+
+        The laws of the constraints in `common` have one number for all mechanisms, and so has what they alone give.
+        """
         self.program, self.samples = program, samples
         self.w = _in_lines(program.sizes["w"], samples)
         # One number for all samples has no dimension: NumPy takes half as long with it as with an array of one number.
-        self.u = _in_lines(program.sizes["u"], samples) if sample_geometry else np.zeros(program.sizes["u"])
+        self.u = _in_lines(program.sizes["u"], samples) if common is not None else np.zeros(program.sizes["u"])
         self._masks = np.zeros((program.sizes["m"], samples), bool)
         self._objects: list[Any] = [None] * program.sizes["x"]
         self._profile: Profile | None = None
-        for register, number in program.constants.items():
-            self.u[register.number] = number
-        self._rows = {
-            bank: [rows[k, ...] for k in range(len(rows))]
-            for bank, rows in (("w", self.w), ("u", self.u), ("m", self._masks))
-        }
+        banks = (("w", self.w), ("u", self.u), ("m", self._masks))
+        self._rows: dict[str, Any] = {bank: [rows[k, ...] for k in range(len(rows))] for bank, rows in banks}
+        self._rows["x"] = range(program.sizes["x"])
+        given = {r: 0.0 for leaf, r in program.inputs.items() if leaf.kind == "f" and leaf.place[0] in (common or ())}
+        self._common = {register: np.array(number) for register, number in {**program.constants, **given}.items()}
         self._calls = {name: [self._bound(i) for i in program.segments[name]] for name in SEGMENTS}
 
     @property
@@ -81,19 +94,18 @@ class Workspace:
     def give_geometry(self, geometry: Sequence[Sequence[Any]], profile: Profile | None = None) -> None:
         """Write the geometry, per constraint its numbers or rows, and run what depends on it alone."""
         self._profile = profile
-        for leaf, register in self.program.inputs.items():
-            if leaf.kind == "g":
-                constraint, number = leaf.place
-                self.u[register.number] = geometry[constraint][number]
+        self._give("g", geometry)
         self.run("mechanism")
 
     def give_laws(self, laws: Mapping[int, Sequence[Sequence[Any]]]) -> None:
         """Write the laws' values, per constraint by law and order, and run what depends on geometry and laws."""
-        for leaf, register in self.program.inputs.items():
-            if leaf.kind == "f":
-                constraint, law, order = leaf.place
-                self.w[register.number] = laws[constraint][law][order]
+        self._give("f", laws)
         self.run("time")
+
+    def _give(self, kind: str, numbers: Any) -> None:
+        for leaf, register in self.program.inputs.items():
+            if leaf.kind == kind:
+                self._row(register)[...] = reduce(getitem, leaf.place, numbers)
 
     def rest(self) -> None:
         """Let go of the mechanism that was run last."""
@@ -119,30 +131,31 @@ class Workspace:
                 function(*args)
 
     def _bound(self, instruction: Instruction) -> Call:
-        op, out = instruction.op, instruction.out
-        if op in UFUNCS:
-            return UFUNCS[op], (*map(self._row, instruction.args), self._row(out))
-        if op in ("max", "select"):
-            return (_maximum if op == "max" else _select), (*map(self._row, instruction.args), self._row(out))
-        if op == "profile":
-            return self._run_profile, (instruction.value, self._row(instruction.args[0]), self._row(out))
-        if op == "inverse":
-            return self._run_inverse, (out.number, instruction.value, tuple(map(self._row, instruction.args)))
-        if op == "apply":
-            inverse, *right = instruction.args
-            return self._run_apply, (out.number, inverse.number, tuple(map(self._row, right)))
-        if op == "entry":
-            return self._run_entry, (instruction.args[0].number, instruction.value, self._row(out))
-        raise AssertionError(op)
+        op, args = instruction.op, [*map(self._row, instruction.args)]
+        out = self._result(instruction, args)
+        if op in FUNCTIONS:
+            return FUNCTIONS[op], (*args, out)
+        own: dict[str, Callable[..., Any]] = {"profile": self._run_profile, "inverse": self._run_inverse}
+        own |= {"apply": self._run_apply, "entry": self._run_entry}
+        return own[op], (instruction.value, args, out)
 
     def _row(self, register: Register) -> Any:
-        return self._rows[register.bank][register.number]
+        return self._common[register] if register in self._common else self._rows[register.bank][register.number]
 
-    def _run_profile(self, which: tuple[int, int], s: Any, out: Any) -> None:
+    def _result(self, instruction: Instruction, args: Sequence[Any]) -> Any:
+        """Return where a result goes: to its row, or to one number if all arguments are, and no output is asked for."""
+        out = instruction.out
+        self._common.pop(out, None)
+        asked = out.bank == "w" and out.number < self.program.outputs.pivots.stop
+        if instruction.op in FUNCTIONS and not asked and not any(map(np.ndim, args)):
+            self._common[out] = np.zeros_like(self._row(out), shape=())
+        return self._row(out)
+
+    def _run_profile(self, which: tuple[int, int], s: Sequence[Any], out: Any) -> None:
         assert self._profile is not None
-        out[...] = self._profile(*which, s)
+        out[...] = self._profile(*which, *s)
 
-    def _run_inverse(self, to: int, size: int, entries: Sequence[Any]) -> None:
+    def _run_inverse(self, size: int, entries: Sequence[Any], to: int) -> None:
         """Leave (sign of the determinant, 1 / row-sum norm of the inverse, inverse) for every sample."""
         stacked = np.empty((self.samples, size * size))
         for k, entry in enumerate(entries):
@@ -153,12 +166,12 @@ class Workspace:
         norm = np.max(np.sum(np.abs(inverse), axis=2), axis=1)
         self._objects[to] = (np.linalg.slogdet(matrices)[0], 1.0 / norm, inverse)
 
-    def _run_apply(self, to: int, inverse: int, right: Sequence[Any]) -> None:
-        columns = np.stack([np.broadcast_to(x, (self.samples,)) for x in right], axis=1)
-        self._objects[to] = np.matmul(self._objects[inverse][2], columns[..., None])[..., 0].T
+    def _run_apply(self, _: object, args: Sequence[Any], to: int) -> None:
+        columns = np.stack([np.broadcast_to(x, (self.samples,)) for x in args[1:]], axis=1)
+        self._objects[to] = np.matmul(self._objects[args[0]][2], columns[..., None])[..., 0].T
 
-    def _run_entry(self, source: int, which: int, out: Any) -> None:
-        out[...] = self._objects[source][which]
+    def _run_entry(self, which: int, source: Sequence[int], out: Any) -> None:
+        out[...] = self._objects[source[0]][which]
 
 
 class Workspaces:
@@ -189,13 +202,3 @@ def _in_lines(count: int, samples: int) -> Any:
     memory = np.zeros(count * stride + LINE)
     first = -(memory.ctypes.data // memory.itemsize) % LINE
     return memory[first : first + count * stride].reshape(count, stride)[:, :samples]
-
-
-def _maximum(a: Any, b: Any, out: Any) -> None:
-    np.maximum(a, b, out=out)
-
-
-def _select(mask: Any, x: Any, y: Any, out: Any) -> None:
-    """`out` is none of the arguments."""
-    np.copyto(out, y)
-    np.copyto(out, x, where=mask)

@@ -209,13 +209,13 @@ def test_operations_that_are_off_by_1e_9_show_in_the_radius(monkeypatch, of):
     run = importlib.import_module("refkin.fast.elimination.run")
     scene = bare(ROCKER.scene(samples=9))
     system, made, levels, t = answered(scene)
-    function = run.UFUNCS[of]
+    function = run.FUNCTIONS[of]
 
     def wrong(*args):
         function(*args)
         args[-1][...] *= 1.0 + 1e-9
 
-    monkeypatch.setitem(run.UFUNCS, of, wrong)
+    monkeypatch.setitem(run.FUNCTIONS, of, wrong)
     made.__dict__.pop("proving", None)
     bounds = radii(system, made, levels, t)
     made.__dict__.pop("proving", None)

@@ -33,7 +33,6 @@ from refkin.fast.block import SMALL, Block
 from refkin.fast.family import _change, common_extrema, family, may_turn
 from refkin.motion_laws import Integral
 from refkin.newton import CONTRACTION
-from refkin.proof.numbers.symbols import Leaf
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
 
@@ -510,8 +509,7 @@ def test_samples_that_jump_to_the_other_branch_are_noticed(monkeypatch):
         doubtful = newton(self)
         calls.append(1)
         if len(calls) == 5:
-            crank = self.space.row(self.made.marching.inputs[Leaf("f", (4, 0, 0))].number)
-            _, _, coupler, rocker = closed_form(lengths, crank[:, None], sign=-1)
+            _, _, coupler, rocker = closed_form(lengths, np.full((70, 1), self.given[4][0][0]), sign=-1)
             for row, angle in zip(self.space.core(), (coupler, rocker), strict=True):
                 row[::7] = angle[::7, 0]
         return doubtful

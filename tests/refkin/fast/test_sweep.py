@@ -405,14 +405,14 @@ def test_without_the_checks_of_the_branch_they_would_be_answered(monkeypatch):
 def test_a_wrong_instruction_is_noticed(monkeypatch):
     """Every subtraction of the answer that makes a coordinate of the coupler is off by 1e-9."""
     scene = bare(ROCKER.scene(samples=50))
-    subtract = run.UFUNCS["sub"]
+    subtract = run.FUNCTIONS["sub"]
 
     def wrong(a, b, out):
         subtract(a, b, out)
         out += 1e-9
 
     forget()
-    monkeypatch.setitem(run.UFUNCS, "sub", wrong)
+    monkeypatch.setitem(run.FUNCTIONS, "sub", wrong)
     try:
         assert module.attempt(scene) is None
     finally:
@@ -422,14 +422,14 @@ def test_a_wrong_instruction_is_noticed(monkeypatch):
 def test_with_the_verification_skipped_a_wrong_instruction_is_answered(monkeypatch):
     """Then the comparison with the reference goes red."""
     scene = bare(ROCKER.scene(samples=50))
-    copy = run.UFUNCS["copy"]
+    copy = run.FUNCTIONS["copy"]
 
     def wrong(a, out):
         copy(a, out)
         out += 1e-9  # the crank's angle and its rates, which the program copies from the law
 
     forget()
-    monkeypatch.setitem(run.UFUNCS, "copy", wrong)
+    monkeypatch.setitem(run.FUNCTIONS, "copy", wrong)
     monkeypatch.setattr(answer, "is_round_off", lambda residual, q: np.array(True))
     try:
         motion = module.attempt(scene)
