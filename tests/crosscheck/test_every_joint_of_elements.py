@@ -17,7 +17,13 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.engines import load
+from crosscheck.engines.march import march
+from crosscheck.engines.pinocchio.space import PinocchioSpace
+from crosscheck.engines.spatial.motion import SpaceScene, estimates
 from crosscheck.engines.spatial.reading import numbers_of
+from crosscheck.engines.spatial.system import SpaceSystem
+from crosscheck.engines.spatial.tree import absolute_tree
 from crosscheck.engines.spatial.turning import about_z, joint_frame, parameters
 from crosscheck.measure.check import check
 from refkin import Body, Mechanism, Scene, Status, joints
@@ -31,7 +37,6 @@ from refkin.solving.mobility import count
 from refkin.system import compile_system
 
 ENGINES = ("exudyn", "mujoco", "pinocchio")
-WHOLE = {c for c in joints.SPATIAL_JOINT_TYPES if c.formulas}
 
 
 def rows_of(term: Any) -> int:
@@ -51,6 +56,7 @@ def formulas() -> dict[type[joints.Element], tuple[Any, ...]]:
 
 
 FORMULAS = formulas()
+SCREW = {*joints.Screw.consists_of}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,6 +237,7 @@ def test_the_order_of_elements_is_nothing_to_an_engine():
 
         assert sum(len(part["rows"]) for part in parts) == sum(e.rows for e in elements)
         assert read(elements[::-1]) == parts
+        assert len(parts) == 1 or {*elements} not in [{*joint.consists_of} for joint in joints.SPATIAL_JOINT_TYPES]
 
 
 DRAWN = random.Random(20).sample(COMBINATIONS, 10)
@@ -261,6 +268,19 @@ DRIVEN = [(elements, driver) for elements, driver in FEW if scene_of(elements, d
 @pytest.mark.parametrize(("elements", "driver"), DRIVEN, ids=lambda x: x.__name__ if isinstance(x, type) else named(x))
 def test_a_driver_moves_a_joint_of_any_two_elements(elements, driver):
     assert_answered(scene_of(elements[::-1], driver), refusing(elements, driver))
+
+
+@pytest.mark.parametrize("elements", [e for e in COMBINATIONS if len(e) < 3 or len(e) == len(SCREW & {*e})], ids=named)
+def test_a_tree_closes_by_rows_what_may_be_an_edge_of_it(elements):
+    scene = scene_of(elements)
+    numbers = numbers_of(scene.mechanism)
+    free = replace(absolute_tree(numbers), estimates=estimates(scene, numbers))
+    answer = load("pinocchio").solve(scene)
+    closed = SpaceScene(scene, numbers, SpaceSystem(free, PinocchioSpace))
+    own = closed.motion(march(closed.system, closed.start(), scene.times, 2), answer.producer)
+
+    for level, expected in zip(own.levels, answer.levels, strict=True):
+        assert np.allclose(level, expected, rtol=0, atol=1e-12)
 
 
 @dataclass(frozen=True, kw_only=True)
