@@ -88,8 +88,8 @@ SHAPES: Mapping[tuple[type[joints.Element], ...], Kind] = {
     (joints.ScrewMotion,): Kind.THREAD,
 }
 """What a joint of these elements is, in whatever order it has them; its rows are those of the elements in this one."""
-LARGEST_FIRST = sorted(SHAPES, key=len, reverse=True)
-KEYS = ("point", "axis", "zero")
+LARGEST_FIRST = sorted(SHAPES.items(), key=lambda shape: -len(shape[0]))
+KEYS = ("point_i", "point_j", "axis_i", "axis_j", "zero_i", "zero_j")
 DRIVEN: Mapping[type[joints.Element], Kind] = {
     joints.TurnAboutAxis: Kind.ANGLE,
     joints.ShiftAlongAxis: Kind.DISPLACEMENT,
@@ -263,12 +263,15 @@ def given(mechanism: Mechanism) -> Iterator[Given]:
 def parts(elements: Sequence[Any]) -> Iterator[tuple[Kind, list[Any]]]:
     """Yield what elements are, and which, each once: the largest of `SHAPES` first, whatever order they come in."""
     left = list(elements)
-    for shape in LARGEST_FIRST:
-        plain = [e for e in left if len(shape) == 1 or not getattr(e, "angle", 0.0)]  # what is turned stands alone
-        while group := next(filter(_alike, product(*([e for e in plain if type(e) is t] for t in shape))), None):
-            plain, left = ([e for e in some if not any(e is own for own in group)] for some in (plain, left))
-            tied = SHAPES[shape] is Kind.TWIST and any(_keeps_parallel(e, *group) for e in elements)
-            yield Kind.TURN if tied else SHAPES[shape], list(group)
+    for shape, kind in LARGEST_FIRST:
+        while {type(e) for e in left}.issuperset(shape):
+            plain = [e for e in left if len(shape) == 1 or not getattr(e, "angle", 0.0)]  # what is turned stands alone
+            groups = product(*([e for e in plain if type(e) is t] for t in shape))
+            if (group := next(filter(_alike, groups), None)) is None:
+                break
+            left = [e for e in left if not any(e is own for own in group)]
+            tied = kind is Kind.TWIST and any(_keeps_parallel(e, *group) for e in elements)
+            yield Kind.TURN if tied else kind, list(group)
     yield from ((Kind.OTHER, [e]) for e in left)
 
 
@@ -279,8 +282,8 @@ def _keeps_parallel(e: Any, turn: Any) -> bool:
 
 def _alike(group: Sequence[Any]) -> bool:
     """Whether elements say what they say of the same bodies, points, axes and zeros."""
-    said = [[one.bodies, *(getattr(one, f"{key}_{side}", None) for key in KEYS for side in "ij")] for one in group]
-    return all(len({x for x in values if x is not None}) < 2 for values in zip(*said, strict=True))
+    said = [[one.bodies, *(getattr(one, key, None) for key in KEYS)] for one in group]
+    return len(group) == 1 or all(len({*values} - {None}) < 2 for values in zip(*said, strict=True))
 
 
 def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
