@@ -324,3 +324,29 @@ def test_the_angle_of_a_turn_counts():
     scene = scene_of(Slanted.consists_of, cls=Slanted, turn=0.25, zero_i=tuple(f.tolist()))
 
     assert_answered(scene, set())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor(Composed):
+    """A cylinder that turns by a law of its own."""
+
+    law: Any
+    consists_of = (PointOnAxis, TurnAboutAxis, AxesParallel)
+    formulas = (*FORMULAS[PointOnAxis], *joints.spatial_drivers.TurnDriver.formulas, *FORMULAS[AxesParallel])
+
+    @property
+    def laws(self) -> Any:
+        return (self.law,)
+
+    @property
+    def law_keys(self) -> tuple[str, ...]:
+        return ("law",)
+
+    def elements(self) -> Any:
+        yield from (e if isinstance(e, TurnAboutAxis) else replace(e, laws=()) for e in super().elements())
+
+
+def test_a_joint_may_have_a_driver_among_its_elements():
+    law = Polynomial(coefficients=(0.5, 0.3, 0.1))
+
+    assert_answered(scene_of(Motor.consists_of, cls=Motor, turn=0.5, law=law), set())

@@ -255,7 +255,8 @@ def given(mechanism: Mechanism) -> Iterator[Given]:
             if e is constraint or (e.laws and type(e) not in DRIVEN):
                 yield _given(constraint.name, Kind.OTHER, [e], "")
             elif e.laws:
-                yield _given(constraint.name, DRIVEN[type(e)], [e], getattr(constraint, "joint", ""))
+                own = constraint.name if len(elements) > 1 else ""  # a joint with a motor
+                yield _given(constraint.name, DRIVEN[type(e)], [e], getattr(constraint, "joint", own))
         for kind, part in parts([e for e in elements if not e.laws]):
             yield _given(constraint.name, kind, part, "")
 
