@@ -14,16 +14,17 @@ from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, Whole, console, positive, printable, shown_progress, table
-from crosscheck.engines import EngineError, load
+from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
-from crosscheck.night.hunting import Bag, hunt, worst_of_night
+from crosscheck.night.hunting import Bag, hunt, hunted, worst_of_night
 from crosscheck.night.plan import ALWAYS, engines_option, replace_file
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
+from crosscheck.scenes.names import called
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 from refkin.scenes.files import to_toml
 
@@ -66,13 +67,8 @@ def hunt_worst(
         print("\n".join(missing.values()), file=sys.stderr)
         return ENGINE_MISSING
     specs = {name: spec for name, (spec, _) in installed.items()}
-    for name, spec in specs.items():
-        if not load(spec).routes():
-            raise UsageError(
-                f"--engines: expected engines with one method or more, got {name!r}: its routes() are none"
-            )
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
-    bag, starts = Bag(), _starts(night, specs)
+    bag, starts = Bag(), _starts(night, hunted(specs))
     print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)
     try:
         with shown_progress(None, minutes) as show:
@@ -86,13 +82,12 @@ def hunt_worst(
     return DISAGREEMENT if bag.above() else PASS
 
 
-def _starts(night: Path, specs: Mapping[str, str]) -> list[tuple[int, int]]:
+def _starts(night: Path, best: Mapping[str, str]) -> list[tuple[int, int]]:
     """Return the scenes of a night to start from; none if there is no night."""
     if not (night / "run.json").is_file():
         if night != LATEST:
             raise OtherRun(f"--night {night} holds no run")
         return []
-    best = {name: load(spec).routes()[0].name for name, spec in specs.items()}
     return worst_of_night(night, best, seed_of(night, None))
 
 
@@ -176,6 +171,7 @@ def _cases(kinds: Sequence[str]) -> list[HardCase]:
 def _print_table(rows: Sequence[dict[str, Any]]) -> None:
     """Print case x method with the verdicts, how many of each, and what is wrong with its explanation."""
     out = console(200)
+    rows = [{**row, "method": called(row["method"], row["setting"])} for row in rows]
     names = list(dict.fromkeys((row["engine"], row["method"]) for row in rows))
     count, of = len({(row["case"], row["distance"]) for row in rows}), max((row["of"] for row in rows), default=0)
     asked = f"all {of}" if count == of else f"{count} of {of}, the same for all engines"

@@ -8,8 +8,9 @@ An engine is found by name among the entry points of group `crosscheck.engines`.
     its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are (x, y, phi) per
     body, at configurations that need not be assembled.
 
-What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve`
-alone, and says so: `delivers = ("position",)`; without that attribute all three are owed.
+An engine that lists methods of its own (`crosscheck.engines.methods`) needs no `solve`. What it cannot do it refuses by
+name (`refusals`), it never skips in silence. One of positions alone says so: `delivers = ("position",)`; without that
+attribute all three are owed.
 """
 
 from __future__ import annotations
@@ -156,23 +157,6 @@ class EngineRefusal(EngineError):
     """An engine that was asked for what it cannot do, and says so."""
 
 
-@runtime_checkable
-class Simulating(Protocol):
-    """What an engine offers if it can be made to simulate more than kinematics, for the ledger of effects."""
-
-    def physical_effects(self) -> Mapping[str, str]:
-        """Return each of `PHYSICAL` that the engine has, with what is done to switch it on."""
-
-    def missing_effects(self) -> Mapping[str, str]:
-        """Return each of `PHYSICAL` that the engine does not have, with the reason."""
-
-    def with_effect(self, effect: str) -> Engine:
-        """Return the engine with an effect switched on behind the back of the scene."""
-
-    def dynamic_routes(self) -> Sequence[Route]:
-        """Return the routes through the engine's dynamics, which answer no scene but may feel an effect."""
-
-
 class Switch(NamedTuple):
     """An effect beside kinematics: what switches it on in a model, in words and as a function."""
 
@@ -233,7 +217,7 @@ class Adapter:
 
 
 class SimulatingAdapter(Adapter):
-    """An adapter in whose models one physical effect may be switched on: `Simulating`.
+    """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
 
     Parameters
     ----------
@@ -256,15 +240,19 @@ class SimulatingAdapter(Adapter):
         self.effect = effect
 
     def dynamic_routes(self) -> Sequence[Route]:
+        """Return the routes through the engine's dynamics, which answer no scene but may feel an effect."""
         return self.dynamic
 
     def physical_effects(self) -> Mapping[str, str]:
+        """Return each of `PHYSICAL` that the engine has, with what is done to switch it on."""
         return {name: effect.description for name, effect in self.effects.items()}
 
     def missing_effects(self) -> Mapping[str, str]:
+        """Return each of `PHYSICAL` that it does not have, with the reason; what it names in neither, it has not."""
         return self.missing
 
     def with_effect(self, effect: str) -> Self:
+        """Return the engine with an effect switched on behind the back of the scene."""
         return type(self)(effect)
 
 
@@ -397,7 +385,8 @@ def load(spec: str) -> Engine:
         If there is none, its package is missing, or it does not keep the protocol; the message says which.
     """
     engine: Engine = _class_of(spec)()
-    needed = ("name", "api", "version", "routes", "capabilities", "terms", "solve")
+    of_methods = ("methods",) if hasattr(engine, "methods") else ("routes", "solve")
+    needed = ("name", "api", "version", *of_methods, "capabilities", "terms")
     missing = [key for key in needed if not hasattr(engine, key)]
     if missing:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
@@ -430,10 +419,12 @@ def _formed(spec: str, engine: Any) -> None:
     ):
         if not well:
             raise EngineError(f"engine {spec!r}: {key}: expected {expected}, got {kept(repr(value))}")
-    _all_of(engine, "routes", engine.routes(), Route)
+    if hasattr(engine, "routes"):
+        all_of(engine, "routes", engine.routes(), Route)
 
 
-def _all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
+def all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
+    """Raise EngineError unless what an engine lists by one of its methods is a list of such."""
     if not (isinstance(listed, tuple | list) and all(isinstance(one, kind) for one in listed)):
         wanted = f"a list of {kind.__module__}.{kind.__name__}"
         raise EngineError(f"engine {engine.name!r}: {key}(): expected {wanted}, got {kept(repr(listed))}")
@@ -442,7 +433,7 @@ def _all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
 def terms_of(engine: Engine, *asked: Any) -> Sequence[Term]:
     """Return an engine's error terms of a scene, perhaps by one route; EngineError if they are of another form."""
     terms = engine.terms(*asked)
-    _all_of(engine, "terms", terms, Term)
+    all_of(engine, "terms", terms, Term)
     return terms
 
 

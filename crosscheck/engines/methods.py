@@ -3,7 +3,7 @@
 A method is a producer, a name and a setting. Its model of a scene is built once; what is timed answers all times of the
 scene at once, in the producer's own coordinates; reading that as poses of bodies is a third thing. An engine lists its
 methods by `methods()`. One that does not has one for each of its routes, and these serve every measurement: so an
-engine of a user's own appears in every table, and need say no more than its routes.
+engine of a user's own appears in every table, and need say no more than its routes. Nothing asks an engine past them.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from crosscheck.engines import (
     Engine,
     EngineError,
     Level,
-    Simulating,
     Term,
+    all_of,
     load,
     refusals,
     refuse,
     terms_of,
 )
 from crosscheck.engines.undisturbed import quiet, undisturbed
-from crosscheck.scenes.names import called_for, order_of
+from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
@@ -134,7 +134,8 @@ class Method:
         How much of our answer it is given.
     uses : set of Use
     build : callable or None
-        Scene -> its model. Raises EngineError if the method refuses the scene. None: it takes workloads alone.
+        Scene -> its model. Raises EngineError if the method refuses the scene. None: it has but answers, each made
+        anew, or it takes workloads alone.
     batch : callable or None
         Workload and order -> what is timed; by default one scene after the other.
     highest : int
@@ -145,8 +146,12 @@ class Method:
         Whether it steps in time, so that a pose needs the one before it.
     note : str
         What a reader has to know of it.
-    asked : (Engine, Route), optional
-        The engine and the route that it is, if it is one: then it also answers for points and statuses.
+    adapter : Engine, optional
+        The engine whose method it is: it says what it can express, and what it adds to the allowed error.
+    route : Route, optional
+        Who does what in it; by default the engine all of it.
+    answer : callable, optional
+        Scene -> its whole answer, with statuses of its own and the motion of points; by default what its model answers.
     """
 
     engine: str
@@ -161,21 +166,50 @@ class Method:
     at_once: bool = False
     steps: bool = False
     note: str = ""
-    asked: tuple[Any, Route] | None = None
+    adapter: Any = None
+    route: Route | None = None
+    answer: Callable[[Scene], Motion] | None = None
 
     @property
     def key(self) -> tuple[str, str, str]:
         """What it is called by: engine, name, setting."""
         return self.engine, self.name, self.setting
 
+    @property
+    def called(self) -> str:
+        """What it is called where settings have no column."""
+        return called(self.name, self.setting)
+
+    @property
+    def delivers(self) -> tuple[str, ...]:
+        """The quantities that it owes."""
+        able = getattr(self.adapter, "delivers", QUANTITIES)
+        return tuple(quantity for quantity in QUANTITIES[: self.highest + 1] if quantity in able)
+
+    @property
+    def producer(self) -> Producer:
+        """Who makes its answers."""
+        who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), self.engine)
+        route = self.route or Route(name=self.called, newton_by=self.newton_by, seeding=self.seeding, **who)
+        return Producer(name=self.engine, version=getattr(self.adapter, "version", str)(), route=route)
+
     def model(self, scene: Scene) -> Model:
         """Return its model of a scene; raises EngineError if it refuses the scene, or takes none."""
-        if self.build is None:
+        build = self.build or (partial(_asked_anew, self.answer) if self.answer else None)
+        if build is None:
             raise EngineError(f"{self.engine}, {self.name}: made for the benchmark's workloads alone")
-        return self.build(scene)
+        self._refuse(scene)
+        return build(scene)
+
+    def _refuse(self, scene: Scene) -> None:
+        """Raise EngineRefusal where the engine's table says so: nobody is asked what he says he has not."""
+        if hasattr(self.adapter, "capabilities"):
+            refuse(refusals(self.adapter, scene, Level.SOLVE))
 
     def solve(self, scene: Scene, order: int | None = None) -> Motion:
         """Return its answer at all times of a scene, up to an order, or as the scene calls for.
+
+        The scene is handed over as it is: whoever needs it afterwards, hands over a copy.
 
         Raises
         ------
@@ -184,36 +218,25 @@ class Method:
         """
         if order is not None:
             scene = replace(scene, effects=ORDERS[order])
-        if self.asked is not None:
-            engine, route = self.asked
-            _by_its_table(engine, scene)
-            with undisturbed():
-                answer: Motion = engine.solve(copied(scene), route)
-            return answer
-        model, order = self.model(scene), order_of(scene)
-        who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), self.engine)
-        route = Route(name=self.name, newton_by=self.newton_by, seeding=self.seeding, **who)
-        bodies = tuple(body.name for body in scene.mechanism.bodies)
-        producer = Producer(name=self.engine, version="", route=route)
-        return motion_of(scene.times, bodies, model.read(model.solve(order)), producer)
+        with undisturbed():
+            if self.answer is not None:
+                self._refuse(scene)
+                return self.answer(scene)
+            bodies = tuple(body.name for body in scene.mechanism.bodies)
+            model, order = self.model(scene), min(order_of(scene), self.highest)
+            levels = called_for(scene, model.read(model.solve(order))[: order + 1])
+            return motion_of(scene.times, bodies, levels, self.producer)
 
     def terms(self, scene: Scene) -> Sequence[Term]:
         """Return what it adds to the allowed error of a scene by its own doing."""
-        if self.asked is None or not hasattr(self.asked[0], "terms"):
+        if not hasattr(self.adapter, "terms"):
             return ()
-        return terms_of(self.asked[0], scene, self.asked[1])
-
-    @property
-    def simulating(self) -> Simulating | None:
-        """The engine, if it can be made to simulate more than kinematics."""
-        return self.asked[0] if self.asked is not None and isinstance(self.asked[0], Simulating) else None
+        with undisturbed():
+            return terms_of(self.adapter, scene, self.producer.route)
 
     def affected(self, effect: str) -> Method:
         """Return the method with one of the engine's physical effects switched on behind the back of scenes."""
-        assert self.asked is not None
-        engine, route = self.asked
-        other = engine.with_effect(effect)
-        return replace(self, asked=(other, route), build=partial(_asked_anew, other, route))
+        return next(one for one in methods(self.adapter.with_effect(effect)) if one.key == self.key)
 
     def batched(self, workload: Workload, order: int) -> Batch:
         """Return a workload as the method takes it.
@@ -250,11 +273,6 @@ def one_by_one(
     return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers, note)
 
 
-def quantities(scene: Scene) -> tuple[str, ...]:
-    """Return the quantities that a scene calls for; acceleration computes velocity, but does not report it unasked."""
-    return tuple(q for q in called_for(scene, QUANTITIES) if q)
-
-
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
     """Return the methods of a producer: one of `OURS`, what `crosscheck.engines.load` takes, or an engine.
 
@@ -279,7 +297,11 @@ def _listed(engine: str | Engine) -> list[Method]:
         except ImportError as error:
             raise EngineError(f"{engine} is not installed: {error}") from error
     loaded: Any = load(engine) if isinstance(engine, str) else engine
-    return list(loaded.methods()) if hasattr(loaded, "methods") else of_routes(loaded)
+    if not hasattr(loaded, "methods"):
+        return of_routes(loaded)
+    listed = list(loaded.methods())
+    all_of(loaded, "methods", listed, Method)
+    return [replace(one, engine=loaded.name, adapter=loaded) for one in listed]
 
 
 def method(engine: str | Engine, name: str, setting: str = "") -> Method:
@@ -313,27 +335,21 @@ def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
         newton_by=route.newton_by,
         seeding=route.seeding,
         uses=uses,
-        build=partial(_asked_anew, engine, route),
         highest=max((QUANTITIES.index(quantity) for quantity in getattr(engine, "delivers", ())), default=2),
         note="builds its model anew in every call",
-        asked=(engine, route),
+        adapter=engine,
+        route=route,
+        answer=lambda scene: engine.solve(scene, route),
     )
 
 
-def _by_its_table(engine: Any, scene: Scene) -> None:
-    """Raise EngineRefusal where the capability table of an engine says so: nobody is asked what he says he has not."""
-    if hasattr(engine, "capabilities"):
-        refuse(refusals(engine, scene, Level.SOLVE))
-
-
-def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
-    """Return a scene as an engine takes it that has no model apart from its answer."""
-    _by_its_table(engine, scene)
+def _asked_anew(answer: Callable[[Scene], Motion], scene: Scene) -> Model:
+    """Return a scene as a method takes it that has no model apart from its answer."""
     plain = copied(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
 
     def asked(order: int) -> Motion:
         with quiet():
-            return engine.solve(replace(plain, effects=ORDERS[order]), route)
+            return answer(replace(plain, effects=ORDERS[order]))
 
     return Model(asked, levels_of)
 
@@ -345,8 +361,8 @@ def levels_of(motion: Motion) -> list[Array]:
 
 def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], producer: Producer) -> Motion:
     """Return levels (n, T) of bodies, as many as there are, as a motion: ok wherever there are numbers."""
-    levels = [np.asarray(level, float) for level in levels]
-    there = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
+    levels = [None if level is None else np.asarray(level, float) for level in levels]
+    there = np.all([np.isfinite(level).all(axis=0) for level in levels if level is not None], axis=0)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
     q, qd, qdd = [*levels, None, None][:3]
     return engine_motion(times, bodies, q, qd, qdd, status, producer)

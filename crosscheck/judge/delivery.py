@@ -14,7 +14,7 @@ is no fault. The excuse is a pose of the reference with a certificate, not a gue
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -127,9 +127,8 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
         yield f"expected a refkin.motion.Producer with a printable version and a Route, got {kept(repr(who))}"
 
 
-def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
-    """Yield what a scene asks for and a motion has not, as disagreements: levels, and bodies."""
-    able = getattr(engine, "delivers", QUANTITIES)
+def undelivered(able: Collection[str], scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
+    """Yield what a scene asks for and a motion has not, as disagreements: levels that its method owes, and bodies."""
     for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
         if quantity in able and level is None:
             yield _not_delivered(quantity, "not delivered at any time")

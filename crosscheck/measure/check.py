@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints, terms_of
-from crosscheck.engines.methods import Use, copied, methods
+from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
+from crosscheck.errors import kept
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import (
     ABSOLUTE,
@@ -54,7 +55,7 @@ from crosscheck.judge.samples import (
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from refkin.joints import elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, Route, Status
+from refkin.motion import Motion, Status
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages.base import rough
@@ -96,7 +97,7 @@ def check(
     start = time.perf_counter()
     ref = reference(scene)
     expected = str((about or {}).get("expected", Status.OK))
-    uses = (Use.COMPARE, Use.FEATURE) if (about or {}).get("of_features") else (Use.COMPARE,)
+    uses = frozenset({Use.COMPARE, Use.FEATURE} if (about or {}).get("of_features") else {Use.COMPARE})
     subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
     row = reference_row(ref, time.perf_counter() - start)
     sharp = sharpness_at_common(ref) if subject.drawn(SHARPNESS) else {}
@@ -135,7 +136,7 @@ class _Subject:
     scene: Scene
     arbiter: bool
     as_expected: bool
-    uses: tuple[Use, ...] = (Use.COMPARE,)
+    uses: frozenset[Use] = frozenset({Use.COMPARE})
     excuse: tuple[float, float] | None = None
     poses: dict[float, tuple[float, float] | None] = field(default_factory=dict)
 
@@ -200,13 +201,14 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     who: Any = {"engine": engine.name, "method": "any", "quantity": "status"}
     part.refusals += _refusals(engine, subject.scene, Level.SOLVE)
     if not part.refusals:
-        compared = [method for use in subject.uses for method in methods(engine, use) if method.asked]
-        if not any(Use.COMPARE in method.uses for method in compared):
-            message = "none of its methods is a route that is there to be compared"
+        compared = [method for method in methods(engine) if subject.uses & method.uses]
+        best = next((method for method in compared if Use.COMPARE in method.uses), None)
+        names = [method.called for method in compared]
+        if best is None or len(set(names)) < len(names):
+            message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
             part.disagreements.append(Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message))
         for method in compared:
-            assert method.asked
-            _check_method(engine, method.asked[1], subject, part, feature=Use.FEATURE in method.uses)
+            _check_method(engine, method, subject, part, best=method is best)
     if hasattr(engine, "constraints"):
         with undisturbed():
             _check_levels(engine, subject, part)
@@ -237,9 +239,9 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
     return replace(scene, mechanism=replace(m, bodies=bodies))
 
 
-def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTimes:
+def _enclosure(method: Method, subject: _Subject, motion: Motion) -> EnclosedTimes:
     """Return at how many times a motion lies within the least error of the pose and beyond it, and how far."""
-    ref, terms = subject.ref, terms_of(engine, subject.scene, motion.producer.route)
+    ref, terms = subject.ref, method.terms(subject.scene)
     samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
     judged = [sample.judgement for sample in samples_of if sample.judgement is not None]
     counts = Counter(j.verdict for j in judged)
@@ -253,15 +255,14 @@ def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTim
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
-def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
+def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part, *, best: bool) -> None:
     ref, scene = subject.ref, subject.scene
-    who: Any = {"engine": engine.name, "method": method.name}
+    who: Any = {"engine": engine.name, "method": method.called}
     try:
-        with undisturbed():
-            start = time.perf_counter()
-            motion = engine.solve(subject.handed, method)
-            seconds = time.perf_counter() - start
-            of_method = [term for term in terms_of(engine, subject.handed, method) if term.level not in LEVELS]
+        start = time.perf_counter()
+        motion = method.solve(subject.handed)
+        seconds = time.perf_counter() - start
+        of_method = [term for term in method.terms(subject.handed) if term.level not in LEVELS]
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
@@ -279,27 +280,26 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
         Answer(
             engine=engine.name,
             version=str(motion.producer.version),
-            method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()}),
+            method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()} | {"name": method.called}),
             quantities=quantities(ref, compared),
             missing=compared.missing,
             judged=compared.judged,
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
-            certificate=_enclosure(engine, subject, motion) if subject.arbiter else None,
-            feature=feature,
+            certificate=_enclosure(method, subject, motion) if subject.arbiter else None,
+            feature=Use.COMPARE not in method.uses,
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )
     )
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
     faults += [
-        *undelivered(engine, scene, motion),
+        *undelivered(method.delivers, scene, motion),
         *wrong_way,
         *unclosed(ref, motion, terms),
         *(believed(ref, motion) if subject.as_expected else ()),
     ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
-    asked = subject.drawn(TURNED_ROUND) and method == engine.routes()[0]
-    turned_round = _turned_round(engine, method, subject, terms) if asked else None
+    turned_round = _turned_round(method, subject, terms) if best and subject.drawn(TURNED_ROUND) else None
     part.disagreements += _disagreements(who, compared, turned_round, subject, motion, wrong_at)
 
 
@@ -336,8 +336,8 @@ def _disagreements(
             return
 
 
-def _turned_round(engine: Engine, method: Route, subject: _Subject, terms: Sequence[Term]) -> Comparison:
-    """Return the comparison of the engine's answer to the same scene with its bodies, joints and drivers reversed.
+def _turned_round(method: Method, subject: _Subject, terms: Sequence[Term]) -> Comparison:
+    """Return the comparison of a method's answer to the same scene with its bodies, joints and drivers reversed.
 
     It is asked for the first quarter of the times: what depends on the order of bodies does so at any time, and times
     that are as near as ever take no more steps than before.
@@ -345,8 +345,7 @@ def _turned_round(engine: Engine, method: Route, subject: _Subject, terms: Seque
     ref, fewer = subject.ref, subject.turned_round
     asked = slice(len(fewer.times))
     try:
-        with undisturbed():
-            motion = engine.solve(copied(fewer), method)
+        motion = method.solve(copied(fewer))
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from crosscheck.engines import QUANTITIES, Engine, Level, load, refused_joints
-from crosscheck.engines.methods import copied
-from crosscheck.engines.undisturbed import undisturbed
-from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
 from crosscheck.measure.hard_table import BAD, hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
+from crosscheck.scenes.names import called
 from crosscheck.workers.processes import Failure, call_in_turn, preload
 from refkin.joints.spatial_bodies import UnitLength
 from refkin.model import Scene
@@ -79,9 +77,6 @@ def ask(engine: Engine, question: Question) -> Reply:
     refused = tuple(dict.fromkeys(reasons))
     if refused and not hasattr(engine, "constraints"):
         return Reply(question.about, refusals=refused)
-    faults = list(_form_faults(engine, question.scene))
-    if faults:
-        return Reply(question.about, tuple(faults))
     about = {"expected": str(question.expected)}
     record = check(question.scene, [engine], about)
     faults = list(_faults_of(record, question.scene))
@@ -100,7 +95,8 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
     types |= {c.name: c.type for c in scene.mechanism.constraints}
     beyond: set[str] = set()
     for wrong in record.disagreements:
-        level = wrong.quantity if wrong.quantity in QUANTITIES else STATUS if wrong.quantity == STATUS else ROWS
+        level = wrong.quantity if wrong.quantity in (*QUANTITIES, STATUS) else ROWS
+        level = FORM if level == STATUS and wrong.kind is Cause.NOT_DELIVERED else level
         if level in QUANTITIES and wrong.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
             if wrong.method in beyond:
                 continue
@@ -113,26 +109,9 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
 def _words(wrong: Disagreement) -> str:
     if wrong.kind is Cause.TRANSLATED:
         return f"its own rows at level {wrong.quantity} are not those of the scene"
-    words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"is {wrong.message}", Cause.NO_ANSWER: "no answer"}
-    text = words.get(wrong.kind, wrong.name)
-    subject = "" if wrong.quantity == STATUS else f"{wrong.quantity} "
-    return f"{subject}{text} (method {wrong.method!r})"
-
-
-def _form_faults(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
-    """Yield what is wrong with the form of an engine's answers; nothing if it refuses or fails, which `check` says."""
-    names = [method.name for method in engine.routes()]
-    if not names or len(set(names)) < len(names):
-        yield LevelFault(FORM, f"routes(): expected one or more, each with a name of its own, got {names}")
-        return
-    if not isinstance(engine.version(), str):
-        yield LevelFault(FORM, f"version(): expected a text, got {engine.version()!r}")
-    try:
-        with undisturbed():
-            motion = engine.solve(copied(scene), engine.routes()[0])
-    except Exception:  # a refusal, or what `check` meets again and names
-        return
-    yield from (LevelFault(FORM, f"solve(): {why}") for why in misshapen(scene, motion))
+    subject, verb = ("", "") if wrong.quantity == STATUS else (f"{wrong.quantity} ", "is ")
+    words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"{verb}{wrong.message}", Cause.NO_ANSWER: "no answer"}
+    return f"{subject}{words.get(wrong.kind, wrong.name)} (method {wrong.method!r})"
 
 
 @lru_cache(maxsize=1)
@@ -168,7 +147,8 @@ def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
             continue
         wrong = row["verdict"] in BAD and row["class"] is None
         what = {HardOutcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
-        faults = (LevelFault(STATUS, f"{what} (method {row['method']!r})", row["note"]),) if wrong else ()
+        who = called(row["method"], row["setting"])
+        faults = (LevelFault(STATUS, f"{what} (method {who!r})", row["note"]),) if wrong else ()
         yield Reply(about, faults, levels=(QUANTITIES[0],))
 
 

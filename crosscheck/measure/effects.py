@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from crosscheck.engines import PHYSICAL, QUANTITIES, EngineError, EngineRefusal, Term
-from crosscheck.engines.methods import ORDERS, Method, Use, methods
+from crosscheck.engines.methods import ORDERS, Method, Use, copied, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.judge.delivery import misshapen
@@ -91,15 +91,16 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
             listed.append(Ablation(effect=kind.value, on=kind.value, note=note))
         absent |= dict.fromkeys(PHYSICAL, "refkin has none: no formula of it holds a mass or a force")
     else:
-        engine, none = method.simulating, "the engine offers no simulation to switch on"
+        engine = method.adapter if hasattr(method.adapter, "with_effect") else None
+        none = "the engine offers no simulation to switch on"
         simulated = engine.physical_effects() if engine else {}
         reasons = engine.missing_effects() if engine else dict.fromkeys(PHYSICAL, none)
         for effect, how in simulated.items():
-            works[effect] = partial(method.affected(effect).solve, whole)
+            works[effect] = partial(method.affected(effect).solve, copied(whole))
             listed.append(Ablation(effect=effect, on=effect, called_for=False, note=how))
         absent |= {kind.value: "evidence is the reference's own, the engine gives none" for kind in EVIDENCE}
         absent |= {e: reasons.get(e, "the engine names none") for e in PHYSICAL if e not in simulated}
-    works |= {name: partial(method.solve, asked) for name, asked in scenes.items()}
+    works |= {name: partial(method.solve, copied(asked)) for name, asked in scenes.items()}
     if only:
         listed = [a for a in listed if a.effect == only]
         works = {name: works[name] for a in listed for name in (a.off, a.on)}

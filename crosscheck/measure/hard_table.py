@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import Method, Use, methods
+from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
@@ -44,8 +44,9 @@ def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
-            terms = method.terms(case.scene)
-            motion = method.solve(case.scene)
+            scene = copied(case.scene)
+            terms = method.terms(scene)
+            motion = method.solve(scene)
         except EngineError as error:
             rightly = "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
             return HardOutcome.REFUSED.value, f"{rightly}{error}"

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from crosscheck.engines import QUANTITIES
-from crosscheck.engines.methods import PRICED, quantities
+from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import POSES, SUFFIX, PriceRow, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price_process import CYCLE, Key, measure
 from crosscheck.scenes.hard import priced_classes
+from crosscheck.scenes.names import called_for
 from crosscheck.workers.processes import SECONDS_TO_START, start, stop
 from crosscheck.workers.timing import seconds_of
 from refkin.model import Scene
@@ -192,7 +193,7 @@ def _says_something(pipe: Any, process: int, patience: float) -> bool:
 def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
     for key, answer in progress.answered.items():
         engine, name, setting = key
-        for quantity in quantities(scene):
+        for quantity in filter(None, called_for(scene, QUANTITIES)):
             order = QUANTITIES.index(quantity)
             if order > answer.get("highest", 2):
                 continue

@@ -149,7 +149,7 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
     run = _Run(method, min(order, method.highest), {}, {}, {})
     try:
         took = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
-        answer["build"] = took if method.asked is None else None  # an engine that is asked anew builds in every call
+        answer["build"] = took if method.build else None  # an engine that is asked anew builds in every call
     except EngineError as error:
         pipe.send(("refused", method.key, str(error)))
         return None

@@ -19,7 +19,8 @@ from pathlib import Path
 
 from hypothesis import Phase, given, seed, settings, target
 
-from crosscheck.engines import load
+from crosscheck.engines.methods import Use, methods
+from crosscheck.errors import UsageError
 from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
 from crosscheck.measure.jobs import checkers
 from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe, profile
@@ -112,7 +113,7 @@ def hunt(
         Where the catches go: whoever breaks the hunt off still has them.
     """
     bag, end = Bag() if bag is None else bag, time.monotonic() + seconds
-    best = {name: load(spec).routes()[0].name for name, spec in engines.items()}
+    best = hunted(engines)
     with checkers(1, engines, scene_seconds) as pool:
 
         def check(drawn: AnyDrawn, origin: str) -> None:
@@ -157,6 +158,15 @@ def _turns(
         stratum = strata[turn % len(strata)]
         origin = f"1e-{stratum[0]:g} .. 1e-{stratum[1]:g}"
         yield origin, partial(turn_of, near(origin), stratum, seed_of_hunt * 1000 + turn)
+
+
+def hunted(engines: Mapping[str, str]) -> dict[str, str]:
+    """Return the name of each engine -> its best method; UsageError if one has none that is compared."""
+    compared = {name: methods(spec, Use.COMPARE) for name, spec in engines.items()}
+    for name, listed in compared.items():
+        if not listed:
+            raise UsageError(f"--engines: expected engines with a method to compare, got {name!r}: it has none")
+    return {name: best.called for name, (best, *_) in compared.items()}
 
 
 def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[tuple[int, int]]:

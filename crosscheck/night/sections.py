@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
-from crosscheck.engines import EngineError, load, terms_of
-from crosscheck.engines.methods import OURS, PRICED, copied
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import OURS, PRICED, Use, copied, methods
 from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
 from crosscheck.measure.check import estimated
@@ -182,14 +182,13 @@ def pictured(job: Job) -> dict[str, Any] | None:
     return {"scene": drawing.described(scene.name, job["key"]), "marks": marks}
 
 
-def _answers(spec: str, methods: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
+def _answers(spec: str, wanted: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
     """Yield what methods of an engine answer to a scene, compared with the reference."""
-    engine = load(spec)
     scene = copied(estimated(ref.scene, ref))
-    for method in engine.routes():
-        if method.name in methods:
+    for method in methods(spec, Use.COMPARE):
+        if method.called in wanted:
             try:
-                yield method.name, compare(ref, engine.solve(scene, method), terms_of(engine, scene, method)).quantities
+                yield method.called, compare(ref, method.solve(scene), method.terms(scene)).quantities
             except EngineError:
                 continue
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat
 
 from crosscheck.judge.records import read_file
+from crosscheck.scenes.names import called
 from refkin.motion import Quantity
 
 Rows = list[dict[str, Any]]
@@ -72,6 +73,8 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
         read, wrong = read_file(folder, f"{name}.json", list[kind])  # type: ignore[valid-type]
         rows[name] = None if read is None else [row.model_dump() for row in read]
         faults += wrong
+    for row in (*(rows["effects"] or ()), *(rows["hard_cases"] or ())):
+        row["method"] = called(row["method"], row.get("setting", ""))
     return rows, faults
 
 

@@ -16,6 +16,11 @@ PEERS = ("exudyn", "pinocchio", "mujoco")
 """Who is asked where nobody says whom to ask."""
 
 
+def called(method: str, setting: str = "") -> str:
+    """Return what a method is called where settings have no column."""
+    return f"{method}, {setting}" if setting else method
+
+
 def order_of(scene: Scene) -> int:
     """Return the highest order that a scene calls for."""
     if Effect.ACCELERATION in scene.effects:

@@ -7,11 +7,13 @@ import signal
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 import refkin
-from crosscheck.engines import API, NATIVE, EngineError, Level, Term
+from crosscheck.engines import API, ELEMENTS, NATIVE, EngineError, Level, Term
+from crosscheck.engines.methods import ALL, ORDERS, Method, Model, levels_of
 from refkin.motion import Motion, Producer, Route, Seeding, Status
 
 ROUTE = Route(
@@ -126,3 +128,39 @@ class Hangs(Right):
     def solve(self, scene, route=None) -> Motion:
         time.sleep(600.0)
         return super().solve(scene)
+
+
+def modelled(off, scene):
+    """The reference as a model, off by a part of the mechanism's size, by more at a higher order."""
+    plain = replace(scene, evidence=frozenset(), points=(), bodies_wanted=None)
+    off *= scene.mechanism.size()
+
+    def read(motion):
+        levels = levels_of(motion)
+        return [level + off * len(levels) for level in levels]
+
+    return Model(lambda order: refkin.solve(replace(plain, effects=ORDERS[order])), read)
+
+
+class Own:
+    """Lists methods of its own and has no routes: one is right, one has a planted fault."""
+
+    name, api = "own", API
+    version, terms = Right.version, Right.terms
+
+    def capabilities(self):
+        return {key: dict.fromkeys(Level, NATIVE) for key in ELEMENTS}
+
+    def methods(self):
+        for name, setting, off in (("right", "", 0.0), ("faulty", "by 1e-6", 1e-6)):
+            build = partial(modelled, off)
+            yield Method(engine="any", name=name, setting=setting, newton_by="refkin", uses=ALL, build=build)
+
+
+class FaultyFirst(Own):
+    """The same; what is hunted and pictured is its first."""
+
+    name = "faulty_first"
+
+    def methods(self):
+        return list(super().methods())[::-1]

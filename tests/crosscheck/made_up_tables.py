@@ -60,7 +60,8 @@ def prices(shake: Shake, within: float = 1e6, unlike: float = 1.0) -> Any:
         clock.method("without", 1e-2, 1e-3, off=1e-5, most=0),
     ]
     refuses = replace(methods[0], name="refuses", build=_refused)
-    asks_anew = replace(methods[0], name="asks anew", asked=(None, None))
+    asks_anew = replace(methods[0], name="asks anew", build=None)
+    vars(asks_anew)["model"] = methods[0].model
     listed = patch.multiple(price_process, time=clock, methods=lambda *_: [*methods, refuses, asks_anew])
     with listed, patch.object(timing, "time", clock):
         pipe = SimpleNamespace(send=sent.append)
@@ -240,6 +241,7 @@ def conforming() -> Any:
             "verdict": verdict,
             "class": kind,
             "method": "a",
+            "setting": "",
             "note": f"{verdict} x at solve: no; it",
         }
         for verdict, kind in product(hard_table.HardOutcome, (None, "documented limit"))

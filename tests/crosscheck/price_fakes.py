@@ -27,17 +27,11 @@ class Listing:
     def version(self):
         return "0"
 
-    def routes(self):
-        return ()
-
     def capabilities(self):
         return {}
 
     def terms(self, scene, route=None):
         return ()
-
-    def solve(self, scene, route=None):
-        raise EngineError("asked by its methods alone")
 
 
 class MadeUp(Listing):

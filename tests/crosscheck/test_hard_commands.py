@@ -37,7 +37,7 @@ def test_rows_are_printed_as_json(command):
         (("hard", "--case", "nothing"), 2, "no hard scene is called 'nothing'; there are: toggle"),
         (("hard", "--engines", "nobody"), 2, "no engine is called 'nobody'; there are: closed_form"),
         (("hunt", "--engines", "nobody"), 2, "no engine is called 'nobody'"),
-        (("hunt", "--engines", f"{ENGINES}:NoMethods", "--minutes", "0.01"), 2, "its routes() are none"),
+        (("hunt", "--engines", f"{ENGINES}:NoMethods", "--minutes", "0.01"), 2, "a method to compare, got 'none'"),
         (("hunt", "--engines", "x" * 100_000), 2, "'... (100000 characters); there are: closed_form"),
         (("hard", "--engines", ","), 2, "--engines: expected names of engines, separated by commas, got ','"),
         (("replay", "examples/crank-rocker.toml", "--engines", " ,"), 2, "separated by commas, got ' ,'"),

@@ -154,12 +154,8 @@ class Pool:
 def hunted(monkeypatch):
     """A hunt of some seconds with workers that are none."""
 
-    class Loaded:
-        def routes(self) -> Any:
-            return [type("Route", (), {"name": "newton"})]
-
     def run(pool: Pool, seconds: float = 3.0, **more: Any) -> Bag:
-        monkeypatch.setattr(hunting, "load", lambda spec: Loaded())
+        monkeypatch.setattr(hunting, "hunted", lambda engines: {"mujoco": "newton"})
         monkeypatch.setattr(hunting, "checkers", lambda *_: pool)
         return hunt({"mujoco": "mujoco"}, seconds, 1, scene_seconds=1.0, **more)
 

@@ -9,6 +9,8 @@ import warnings
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from crosscheck.engines.methods import of_routes
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause, line_of, read_line
+from crosscheck.measure import hard_table
 from crosscheck.measure.check import TURNED_ROUND, check, key_of
 from crosscheck.measure.conform import ask
 from crosscheck.measure.effects import ablations, rows
@@ -266,7 +269,17 @@ def test_an_answer_in_another_order_that_has_no_shape_is_one_that_depends_on_the
     assert found(engine, turned_round(SCENE, False)) == set()
 
 
-@pytest.mark.parametrize("ask", [lambda m, scene: m.solve(scene), lambda m, scene: m.model(scene).solve(2)])
+def felt(method, scene):
+    return [work() for work in ablations(method, scene).works.values()]
+
+
+def asked_hard(method, scene):
+    known = lambda key: (SimpleNamespace(scene=scene), None, ())  # noqa: E731
+    with patch.multiple(hard_table, _known=known, _methods=lambda spec: [method], samples=lambda *_: ()):
+        return hard_table.outcome_of(("", method.name, "", ""))
+
+
+@pytest.mark.parametrize("ask", [felt, asked_hard, lambda m, scene: m.model(scene).solve(2)])
 def test_an_engine_that_changes_what_is_not_its_own_changes_no_price_no_effect_and_no_hard_case(ask):
     scene = replace(SCENE, name="meddled with")
     before, folder, heard = deepcopy(scene), Path.cwd(), list(warnings.filters)

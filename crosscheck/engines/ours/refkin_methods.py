@@ -12,10 +12,9 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, one_by_one
 from crosscheck.scenes.workloads import Chain, Workload
-from refkin.analysis import ROUTE, acceleration, estimate_of, velocity
+from refkin.analysis import acceleration, estimate_of, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.model import Evidence, Scene
-from refkin.motion import Motion, Route
 from refkin.newton import CorrectionNorm, RoundOff, newton, solve_linear
 from refkin.solving.solve import solve
 from refkin.system import System, compile_system
@@ -158,16 +157,6 @@ def _rates_by(slope: Slope, given: ScaledProblem, q: Any, order: int) -> list[An
     return levels
 
 
-class Solving:
-    """`refkin.solve` as it is asked for answers with their status: what hard cases and effects look at."""
-
-    name = "refkin"
-
-    def solve(self, scene: Scene, route: Route) -> Motion:
-        """Return what `refkin.solve` answers."""
-        return solve(scene)
-
-
 def _solve_methods() -> Iterator[Method]:
     """Yield `refkin.solve`, which keeps its branch and brings what evidence it is asked for."""
     yield Method(
@@ -175,9 +164,8 @@ def _solve_methods() -> Iterator[Method]:
         name="solve",
         newton_by="refkin",
         uses=frozenset({Use.EFFECTS, Use.HARD}),
-        asked=(Solving(), ROUTE),
+        answer=solve,
         note="with the evidence that the scene calls for",
-        build=partial(_solving, None),
     )
     for setting, evidence in EVIDENCE.items():
         plain = setting == "no evidence"
@@ -193,9 +181,8 @@ def _solve_methods() -> Iterator[Method]:
         )
 
 
-def _solving(evidence: frozenset[Evidence] | None, scene: Scene) -> Model:
-    asked = scene.evidence if evidence is None else evidence
-    plain = replace(scene, evidence=asked, points=(), bodies_wanted=None)
+def _solving(evidence: frozenset[Evidence], scene: Scene) -> Model:
+    plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
     return Model(lambda order: solve(replace(plain, effects=ORDERS[order])), levels_of)
 
 
