@@ -141,7 +141,17 @@ class Term:
 
 
 def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "numpy", drift_by: str = "") -> Route:
-    """Return a route on the rows of an engine, which is given estimates; also its drift terms where nobody is named."""
+    """Return a route on the rows of an engine, which is given estimates; also its drift terms where nobody is named.
+
+    Parameters
+    ----------
+    by : str
+        Whose residual and Jacobian.
+    name : str
+        Of the method.
+    newton_by, linear_solve_by, drift_by : str
+        Who does the rest.
+    """
     who = {"residual_by": by, "jacobian_by": by, "linear_solve_by": linear_solve_by, "drift_by": drift_by or by}
     return Route(name=name, newton_by=newton_by, seeding=Seeding.INITIAL_GUESS, **who)
 
@@ -311,7 +321,16 @@ class Engine(Protocol):
 
 
 def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Level) -> list[tuple[str, str, str]]:
-    """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses."""
+    """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses.
+
+    Parameters
+    ----------
+    engine : Engine
+    constraints : iterable of Constraint
+        Joints and drivers.
+    level : Level
+        What would be asked.
+    """
     table, unsupported = engine.capabilities(), []
     for constraint in constraints:
         reasons, rows, elements = [], 0, list(elements_of([constraint]))
@@ -331,7 +350,14 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
 
 
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
-    """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
+    """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can.
+
+    Parameters
+    ----------
+    engine, scene : Engine, Scene
+    level : Level
+        What would be asked.
+    """
     refused = refused_joints(engine, scene.mechanism.constraints, level)
     return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in refused]
 
@@ -343,7 +369,16 @@ def refuse(reasons: Sequence[str]) -> None:
 
 
 def refuse_joints(engine: Engine, scene: Scene, route: Route | None, routes: Sequence[Route]) -> None:
-    """Raise EngineRefusal if `engine` cannot solve `scene`, EngineError if `route` is none of `routes` and not None."""
+    """Raise EngineRefusal if `engine` cannot solve `scene`, EngineError if `route` is none of `routes` and not None.
+
+    Parameters
+    ----------
+    engine, scene : Engine, Scene
+    route : Route or None
+        The method that is asked for; None for the engine's best.
+    routes : sequence of Route
+        Those that it has.
+    """
     if route is not None and route not in routes:
         known = ", ".join(repr(r.name) for r in routes)
         raise EngineError(f"{engine.name} has no method {route.name!r}; there are: {known}")
@@ -351,7 +386,14 @@ def refuse_joints(engine: Engine, scene: Scene, route: Route | None, routes: Seq
 
 
 def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
-    """Return the joints and drivers that `engine` does not refuse at `level`."""
+    """Return the joints and drivers that `engine` does not refuse at `level`.
+
+    Parameters
+    ----------
+    engine, scene : Engine, Scene
+    level : Level
+        What would be asked.
+    """
     return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]
 
 

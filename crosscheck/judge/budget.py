@@ -240,12 +240,30 @@ def times_with(motion: Motion, status: Status) -> Any:
 
 
 def residual_error(system: System, q: Any, t: Any) -> Any:
-    """Return what the formulas leave of the residual (m, T) at rounded coordinates, tables aside."""
+    """Return what the formulas leave of the residual (m, T) at rounded coordinates, tables aside.
+
+    Parameters
+    ----------
+    system : System
+    q : (n, T) array
+        Poses, in the system's coordinates.
+    t : (T,) array
+        Times [s].
+    """
     return SAFETY * parts(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)[1]
 
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
-    """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas."""
+    """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas.
+
+    Parameters
+    ----------
+    system : System
+    q, qd, qdd : (n, T) array
+        The solution, in the system's coordinates.
+    t : (T,) array
+        Times [s].
+    """
     z, n = _stepped(q), len(q)
     slope = system.phi_q(z, t)
     inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
@@ -265,7 +283,15 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
 
 
 def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
-    """Return the budget at a solution of the reference; parameters as in `propagation`."""
+    """Return the budget at a solution of the reference.
+
+    Parameters
+    ----------
+    system, motion, q, qd, qdd
+        As for `propagation`.
+    terms : sequence of Term
+        What the engine adds.
+    """
     errors = propagation(system, motion, q, qd, qdd)
     if errors is None:
         return ErrorBudget(np.full((3, *q.shape), np.nan), np.zeros(q.shape[1], bool))
@@ -315,6 +341,14 @@ def table_error(system: System, t: Any, order: int) -> Any:
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
     u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
     the solve, 4 terms of the cubic, rounded up.
+
+    Parameters
+    ----------
+    system : System
+    t : (T,) array
+        Times [s].
+    order : int
+        0 for the residual, 1 for nu, 2 for gamma.
     """
     out = np.zeros((system.m, len(t)))
     for p in system.placed:
@@ -335,6 +369,12 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
     rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. In metres a
     pose is rounded relative to its distance from the scene's origin, which is not ours.
+
+    Parameters
+    ----------
+    system : System
+    q, qd, qdd : (n, T) array
+        The solution, in the system's coordinates.
     """
     arms = len(system.mechanism.bodies)
     metres = np.abs(system.to_physical(q))

@@ -39,6 +39,8 @@ def change(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term] = (), 
     ----------
     ref : Reference
         What the allowed errors are derived at.
+    off, on : Motion
+        Without the effect, and with it.
     terms : sequence of Term
         What the engine adds to the allowed error.
     exact : bool

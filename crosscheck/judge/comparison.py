@@ -137,7 +137,16 @@ class Comparison:
 
 
 def begun_at(scene: Scene, motion: Motion, k: int, times: Sequence[float]) -> Scene:
-    """Return a scene at other times, its estimates being the poses of its motion at the k-th time."""
+    """Return a scene at other times, its estimates being the poses of its motion at the k-th time.
+
+    Parameters
+    ----------
+    scene, motion : Scene, Motion
+    k : int
+        Which of the motion's times.
+    times : sequence of float
+        Those of the new scene [s].
+    """
     bodies = tuple(replace(body, estimate=tuple(motion[body.name].q[:, k].tolist())) for body in scene.mechanism.bodies)
     return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=tuple(times))
 
@@ -160,7 +169,17 @@ def reference(scene: Scene) -> Reference:
 def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any = slice(None)) -> Comparison:
     """Compare a motion with the reference's, body by body in the motion's own order.
 
-    Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
+    Angles are compared modulo full turns.
+
+    Parameters
+    ----------
+    ref : Reference
+    motion : Motion
+        The engine's answer, at the reference's times or some of them.
+    terms : sequence of Term
+        What the engine adds.
+    at : index
+        The places among the reference's times of those that the motion has.
     """
     budget = ref.budget(terms)
     answered, ok = times_with(motion, Status.OK), times_with(ref.motion, Status.OK)
@@ -189,7 +208,10 @@ def scaled_differences(
 ) -> tuple[Any, Any]:
     """Return K levels of an answer minus the reference's, and the reference's own, both scaled, (K, n, T) each.
 
-    Parameters as those of `scaled`.
+    Parameters
+    ----------
+    ref, bodies, levels, at
+        As for `scaled`.
     """
     theirs, ours = scaled(ref, bodies, levels, at)
     return np.array([difference(ref.system, *pair) for pair in zip(theirs, ours, levels, strict=True)]), ours
@@ -202,6 +224,9 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
 
     Parameters
     ----------
+    ref : Reference
+    bodies : sequence of str
+        In the order in which the levels have them.
     levels : mapping
         Order 0, 1, 2 -> position, velocity, acceleration (width * bodies, T) of the bodies [m, rad], in their order. In
         space no rate comes without what it is the rate of.
@@ -222,7 +247,16 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
 
 
 def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
-    """Return a level of the bodies minus another, both scaled, (n,) or (n, T): angles without whole turns."""
+    """Return a level of the bodies minus another, both scaled, (n,) or (n, T): angles without whole turns.
+
+    Parameters
+    ----------
+    system : System
+    theirs, ours : (n,) or (n, T) array
+        Scaled coordinates, or rates.
+    level : int
+        0 for coordinates, 1 or 2 for their rates.
+    """
     apart = theirs - ours
     if level == 0 and system.kind.name == "planar":
         apart[2::3] = wrap(apart[2::3])
@@ -292,6 +326,14 @@ def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(No
     """Return an answer's poses (n, K) at some of its times in the reference's scaled coordinates, turns being its own.
 
     None if the answer has not all bodies, or the reference coordinates that no answer has.
+
+    Parameters
+    ----------
+    ref, motion : Reference, Motion
+    samples : (K,) array of int
+        Which of the motion's times.
+    at : index
+        At which of the reference's times the motion is.
     """
     system, names = ref.system, [b.name for b in ref.scene.mechanism.bodies]
     if not set(names) <= set(motion.bodies) or system.n != system.of_bodies:

@@ -70,7 +70,14 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
 
 
 def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
-    """Return the terms that are granted, and the others as disagreements; many small ones count as one large one."""
+    """Return the terms that are granted, and the others as disagreements; many small ones count as one large one.
+
+    Parameters
+    ----------
+    engine, scene : Engine, Scene
+    terms : sequence of Term
+        What the engine says that it adds.
+    """
     allowed: list[Term] = []
     faults = []
     for term in terms:
@@ -128,7 +135,14 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
 
 
 def undelivered(able: Collection[str], scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
-    """Yield what a scene asks for and a motion has not, as disagreements: levels that its method owes, and bodies."""
+    """Yield what a scene asks for and a motion has not, as disagreements: levels, and bodies.
+
+    Parameters
+    ----------
+    able : collection of str
+        The quantities that its method owes.
+    scene, motion : Scene, Motion
+    """
     for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
         if quantity in able and level is None:
             yield _not_delivered(quantity, "not delivered at any time")
@@ -194,6 +208,12 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
 
     No first-order statement holds of an error there, so no answer is held against the reference's. Of a residual it
     does: rounding leaves as little of it as anywhere.
+
+    Parameters
+    ----------
+    ref, motion : Reference, Motion
+    terms : sequence of Term
+        What the engine adds.
     """
     there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
     asked = there & times_with(motion, Status.OK) & ~ref.budget().judged
@@ -268,6 +288,14 @@ def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] |
 
     Who gives no answer from `first` [s] on is excused by such a pose, at one of the times or between two: the branch
     may have been lost there. What comes later is none of its business.
+
+    Parameters
+    ----------
+    ref : Reference
+    first : float
+        Up to when [s].
+    enough : float
+        The largest sigma_min that excuses.
     """
     times = ref.motion.t
     asked = times <= first

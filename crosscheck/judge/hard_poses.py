@@ -179,7 +179,17 @@ def _alike(system: System, q: Any, middle: Any) -> Any:
 def samples(
     system: System, truth: Sequence[Solutions], scene: Scene, motion: Motion, terms: Sequence[Term]
 ) -> tuple[PoseSample, ...]:
-    """Return where a motion lies, time by time; `terms` are what the engine adds by its own doing."""
+    """Return where a motion lies, time by time.
+
+    Parameters
+    ----------
+    system, truth
+        As `truths` returns them.
+    scene, motion : Scene, Motion
+        What was asked, and the answer.
+    terms : sequence of Term
+        What the engine adds by its own doing.
+    """
     rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
     q = np.full((system.n, len(scene.times)), np.nan)
     q[rows] = motion.q
@@ -255,7 +265,16 @@ ROUNDINGS = 6 * U
 
 
 def residual_error(system: System, q: Any, t: float) -> Any:
-    """Return what rounding leaves of the residual (m,) at a pose (n,)."""
+    """Return what rounding leaves of the residual (m,) at a pose (n,).
+
+    Parameters
+    ----------
+    system : System
+    q : (n,) array
+        The pose, in the system's coordinates.
+    t : float
+        When [s].
+    """
     return BOTH_SIDES * budget.residual_error(system, q[:, None], np.array([t]))[:, 0]
 
 
@@ -268,6 +287,8 @@ def least_error(system: System, q: Any, t: float) -> Any:
         Compiled in its mechanism's own unit.
     q : (n,) array
         The pose, in the system's coordinates.
+    t : float
+        When [s].
     """
     e = residual_error(system, q, t)
     u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)
@@ -280,7 +301,13 @@ def least_error(system: System, q: Any, t: float) -> Any:
 
 
 def fold(s: float, k: float, f: float) -> float:
-    """Return the largest x that a residual of f hides where the residual is s x - k x^2 / 2."""
+    """Return the largest x that a residual of f hides where the residual is s x - k x^2 / 2.
+
+    Parameters
+    ----------
+    s, k, f : float
+        None is negative.
+    """
     if s * s > 2 * k * f:
         return float(2 * f / (s + np.sqrt(s * s - 2 * k * f)))
     return float((s + np.sqrt(s * s + 2 * k * f)) / k) if k else np.inf

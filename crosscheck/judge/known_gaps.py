@@ -246,7 +246,14 @@ def read_findings(text: str | None = None) -> tuple[Finding, ...]:
 
 
 def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:
-    """Return the finding that explains a row of the table, if there is one."""
+    """Return the finding that explains a row of the table, if there is one.
+
+    Parameters
+    ----------
+    known : sequence of Finding
+    engine, method, case, verdict : str
+        As the row has them.
+    """
     return next(
         (f for f in known if (f.engine, f.method, f.verdict) == (engine, method, verdict) and case in f.cases), None
     )

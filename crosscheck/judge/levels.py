@@ -106,6 +106,18 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     """Return configurations around assembled poses, each coordinate moved by up to one size or one radian.
 
     The numbers come from `seed` alone, so a scene is always checked at the same ones.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    near : (n, T) array
+        The assembled poses [m, rad].
+    t : (T,) array
+        Their times [s].
+    seed : str
+        Of the draws.
+    count : int
+        How many.
     """
     draw = random.Random(seed)
     kind, size, count_of = mechanism.kind, mechanism.size(), len(mechanism.bodies)
@@ -130,6 +142,10 @@ def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -
 
     A joint that is refused in part may be left out, whole; what it drives is not asked for. A map that makes nothing of
     a row where that is zero (factor F'(0) = 0) has none.
+
+    Parameters
+    ----------
+    engine, model, mechanism : Engine, ConstraintModel, Mechanism
     """
     had = [(m.constraint, m.row) for m in model.rows if TINY / U < abs(m.factor * m.form(0.0, 1)) < np.inf]
     table = engine.capabilities()
@@ -154,7 +170,16 @@ def compare_levels(
     at: Sequence[Configuration],
     terms: Sequence[Term] = (),
 ) -> dict[Level, LevelComparison]:
-    """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
+    """Compare every level that the engine declares for the joints; driver rows only if it owns the driver.
+
+    Parameters
+    ----------
+    engine, model, mechanism : Engine, ConstraintModel, Mechanism
+    at : sequence of Configuration
+        Where.
+    terms : sequence of Term
+        What the engine adds to its own rows.
+    """
     table = engine.capabilities()
     elements = {(e.name, e.row + k): e for e in elements_of(mechanism.constraints) for k in range(e.rows)}
     maps = [m for m in model.rows if model.owns_driver or not elements[m.constraint, m.row].laws]

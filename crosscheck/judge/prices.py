@@ -142,7 +142,17 @@ Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
 
 
 def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
-    """Return the best offer of each method with so many digits, the cheapest first."""
+    """Return the best offer of each method with so many digits, the cheapest first.
+
+    Parameters
+    ----------
+    rows : iterable of mapping
+        Of the price list.
+    poses, quantity : str
+        Of which times: of one pose, a cycle or in bulk; and the quantity.
+    digits : float
+        At least so many.
+    """
     best: dict[tuple[str, str], Offer] = {}
     for row in rows:
         of_poses = {key: row.get(key + SUFFIX[poses]) for key in ("digits", "microseconds", "spread")}

@@ -373,7 +373,17 @@ def fault(error: ValidationError, under: str = "") -> str:
 
 
 def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
-    """Return what a file of a night holds (None: there is none), and what is wrong with it."""
+    """Return what a file of a night holds (None: there is none), and what is wrong with it.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the night.
+    name : str
+        Of the file.
+    kind : type
+        What its text is read as.
+    """
     path = folder / name
     if not path.exists():
         return None, []

@@ -47,6 +47,8 @@ def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str]
     ----------
     levels, truth : sequence of (7 n, T) array
         Position, and as many rates as the answer has, of the bodies in their order, in one unit and from one origin.
+    bodies : sequence of str
+        In that order.
     spins : sequence of dict
         As `passive_lines`, in that unit.
     """
@@ -77,6 +79,13 @@ def spun(allowed: Array, bodies: Sequence[str], spins: Spins) -> Array:
     Errors are carried to a body that spins as the reference's equations hold it, and compared where it spins as the
     truth does, or the first of those that spin as one with it: the one differs from the other by a spin, no larger than
     the errors of these two, which moves all four.
+
+    Parameters
+    ----------
+    allowed : (7 n, T) array
+        In scaled coordinates.
+    bodies, spins
+        As for `alike`.
     """
     out = allowed.copy()
     for spin_of in spins:

@@ -37,6 +37,7 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
 
     Parameters
     ----------
+    ref : Reference
     motion : Motion
         An answer in metres and radians, its bodies in any order.
     order : {0, 1, 2}

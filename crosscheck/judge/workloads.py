@@ -173,7 +173,16 @@ def sparse_system(work: Chain) -> Any:
 
 
 def of_chain(work: Chain, sparse: Any, q: Any) -> Accuracy:
-    """Return the accuracy of coordinates q (n,) in metres and radians; `sparse` is the chain's `SparseSystem`."""
+    """Return the accuracy of coordinates q (n,) in metres and radians; `sparse` is the chain's `SparseSystem`.
+
+    Parameters
+    ----------
+    work : Chain
+    sparse : SparseSystem
+        The chain's.
+    q : (n,) array
+        The pose [m, rad].
+    """
     system = sparse.system
     truth = work.truth()[0]
     error = np.asarray(np.asarray(q, np.longdouble) - truth, float)
@@ -185,7 +194,16 @@ def of_chain(work: Chain, sparse: Any, q: Any) -> Accuracy:
 
 
 def allowed(sparse: Any, q: Any, t: float) -> Any:
-    """Return the allowed errors of positions (n,) at a solution q (n,), in the system's scaled coordinates."""
+    """Return the allowed errors of positions (n,) at a solution q (n,), in the system's scaled coordinates.
+
+    Parameters
+    ----------
+    sparse : SparseSystem
+    q : (n,) array
+        The pose, in its scaled coordinates.
+    t : float
+        When [s].
+    """
     from refkin.fast.sparse import factors  # here: the fast paths may be absent
 
     e_phi = SAFETY * residual_error(sparse, q, t)
@@ -197,7 +215,13 @@ def allowed(sparse: Any, q: Any, t: float) -> Any:
 
 
 def residual_error(sparse: Any, q: Any, t: float) -> Any:
-    """Return the running error (n,) of phi, with coordinates that are rounded to U |q|."""
+    """Return the running error (n,) of phi, with coordinates that are rounded to U |q|.
+
+    Parameters
+    ----------
+    sparse, q, t
+        As for `allowed`.
+    """
 
     def values(start: Any) -> BodyValues:
         if start is None:

@@ -30,9 +30,18 @@ class Chain(Binned):
 
 
 def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: float) -> SearchStrategy[Chain]:
-    """Return scenes of `KINDS` that assemble at all times; `min_size`, `max_size` bound the crank [m].
+    """Return scenes of `KINDS` that assemble at all times.
 
     Examples from this strategy shrink towards a geared five-bar of about one metre at the origin.
+
+    Parameters
+    ----------
+    kinds : collection of str
+        Of `KINDS`; all by default.
+    samples : int
+        How many times a scene has.
+    **sizes : float
+        `min_size` and `max_size` of the crank [m].
     """
     wanted = tuple(kind for kind in KINDS if kinds is None or kind in kinds)
     if not wanted or samples < 1:

@@ -51,12 +51,29 @@ def motion_laws(draw: DrawFn, *, first: float, last: float, duration: float, mon
     A law that is given as a rate comes as `Integral`.
 
     Examples from this strategy shrink towards a linear polynomial that is given as a value.
+
+    Parameters
+    ----------
+    first, last : float
+        Bounds of its values; a monotone one begins and ends there [m or rad].
+    duration : float
+        Until when [s].
+    monotone : bool
+        Whether its rate is nowhere 0.
     """
     return draw_law(draw, first, last, duration, monotone)
 
 
 def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone: bool) -> Law:
-    """Draw what `motion_laws` says."""
+    """Draw what `motion_laws` says.
+
+    Parameters
+    ----------
+    draw : callable
+        As Hypothesis hands it to a composite.
+    first, last, duration, monotone
+        As for `motion_laws`.
+    """
     kind = draw(KINDS, label="law")
     as_rate = draw(st.booleans(), label="given as a rate")
     if kind is LawKind.POLYNOMIAL:
@@ -179,6 +196,14 @@ def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> InputDriver:
     """Return the drive of a crank by its angle, or by x, y (whichever changes faster) or a distance of its pin.
 
     The distance is that from a point 2 radii from the centre, a quarter turn ahead of the pin at `middle`.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    kind : str
+        Of driver.
+    middle : float
+        The crank's angle half-way [rad].
     """
     r = linkage.crank
     if kind == "coordinate":

@@ -47,12 +47,23 @@ def four_bars(
 ) -> FourBar:
     """Return four-bars of the given Grashof classes; no two links are equal.
 
-    The shortest link is `min_size` to `max_size` long [m], the longest at most `max_ratio` times as much. The linkage
-    stands up to `max_offset` shortest links from the origin, turned by any angle. The slack (p + q) - (s + l) is a
-    good part of the shortest link, exactly 0 for a change point; or, with `slack_decades` (k, k'), +-10^-k to +-10^-k'
-    of the shortest link (then no change point is drawn). ValueError if the bounds contradict each other.
+    The linkage is turned by any angle. The slack (p + q) - (s + l) is a good part of the shortest link, exactly 0 for a
+    change point. ValueError if the bounds contradict each other.
 
     Examples from this strategy shrink towards a crank-rocker of about one metre at the origin.
+
+    Parameters
+    ----------
+    min_size, max_size : float
+        Bounds of the shortest link [m].
+    max_ratio : float
+        Bound of the longest link over the shortest.
+    max_offset : float
+        How far from the scene's origin the linkage may lie, in shortest links.
+    classes : collection of GrashofClass
+        Those that are drawn.
+    slack_decades : (float, float), optional
+        (k, k'): the slack is +-10^-k to +-10^-k' shortest links, and no change point is drawn.
     """
     _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
     allowed = [c for c in GrashofClass if c in classes and not (slack_decades and c is GrashofClass.CHANGE_POINT)]
@@ -86,6 +97,11 @@ def slider_cranks(
     ``|rod - crank| - |offset|``.
 
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
+
+    Parameters
+    ----------
+    min_size, max_size, max_ratio, max_offset, slack_decades
+        As for `four_bars`.
     """
     crank, rod, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
     return SliderCrank(crank, rod, offset, **place)
@@ -106,6 +122,11 @@ def inverted_slider_cranks(
     Bounds are those of `slider_cranks`; the slack is ``|ground - crank| - |offset|``.
 
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
+
+    Parameters
+    ----------
+    min_size, max_size, max_ratio, max_offset, slack_decades
+        As for `four_bars`.
     """
     crank, ground, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
     return InvertedSliderCrank(ground, crank, offset, **place)
@@ -155,7 +176,17 @@ def _draw_slack(draw: DrawFn, largest: float, decades: Decades | None) -> float:
 
 
 def draw_power_of_ten(draw: DrawFn, decades: Decades, label: str) -> float:
-    """Draw a number from 10^-k to 10^-k', evenly by its logarithm."""
+    """Draw a number from 10^-k to 10^-k', evenly by its logarithm.
+
+    Parameters
+    ----------
+    draw : callable
+        As Hypothesis hands it to a composite.
+    decades : (float, float)
+        (k, k').
+    label : str
+        What Hypothesis calls it.
+    """
     return math.pow(10.0, -draw(st.floats(*decades), label=label))
 
 
@@ -165,7 +196,15 @@ def longest(linkage: AnyLinkage) -> float:
 
 
 def draw_size(draw: DrawFn, smallest: float, largest: float) -> float:
-    """Draw a length, evenly by its logarithm [m]."""
+    """Draw a length, evenly by its logarithm [m].
+
+    Parameters
+    ----------
+    draw : callable
+        As Hypothesis hands it to a composite.
+    smallest, largest : float
+        Bounds [m].
+    """
     exponent = draw(st.floats(math.log10(smallest), math.log10(largest)), label="decade of the size")
     return math.pow(10.0, exponent)
 

@@ -118,10 +118,22 @@ def drawn_scenes(
     `four_bars`); which body or slide is the input, absolute or relative; whether a driver holds it by its angle or by
     x, y or the distance of a pin; the motion law, a value or a rate; the branch; the joints (links replaced by distance
     joints, sliders by point_on_line, a body fixed to another), which body comes first in a joint; the body frames.
-    `hardness` says how near to singular poses they go, `decades` (k, k') that they go to 10^-k ... 10^-k' of them.
 
     Examples from this strategy shrink towards a linkage of about one metre at the origin, with its own joints and
     frames, and a motion law of few numbers.
+
+    Parameters
+    ----------
+    kinds : collection of str
+        Of linkages.
+    hardness : collection of Hardness
+        How near to a singular pose scenes may go.
+    decades : (float, float)
+        (k, k'): those that go near come within 10^-k to 10^-k'.
+    samples : int
+        How many times a scene has.
+    min_size, max_size, max_ratio, max_offset
+        As for `four_bars`.
     """
     bounds = {"min_size": min_size, "max_size": max_size, "max_ratio": max_ratio, "max_offset": max_offset}
     made = [(h, k) for h in Hardness if h in hardness for k in KINDS if k in kinds]
@@ -144,7 +156,15 @@ def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]
 def scenes_of(
     draw: DrawFn, linkages: Mapping[tuple[Hardness, str], SearchStrategy[AnyLinkage]], decades: Decades, samples: int
 ) -> Drawn:
-    """Draw a scene of one of the linkages, each with how near to a singular pose it goes and the name of its kind."""
+    """Draw a scene of one of the linkages, each with how near to a singular pose it goes and the name of its kind.
+
+    Parameters
+    ----------
+    linkages : mapping
+        (hardness, kind) -> strategy of linkages.
+    decades, samples
+        As for `drawn_scenes`.
+    """
     hard, kind = draw(st.sampled_from(tuple(linkages)), label="hardness and kind")
     linkage = draw(linkages[hard, kind], label="linkage")
     inputs = limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS

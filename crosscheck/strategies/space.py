@@ -43,6 +43,17 @@ def spatial_scenes(
 
     `decades` (k, k') say that hard regions are 10^-k ... 10^-k' wide. Examples from this strategy shrink towards an
     RSSR with a crank of about one metre at the origin.
+
+    Parameters
+    ----------
+    kinds : collection of str, optional
+        Of `KINDS`; all by default.
+    regions : collection of Region
+        Where scenes may go.
+    decades : (float, float)
+        (k, k'): those that go near a singular pose come within 10^-k to 10^-k'.
+    samples : int
+        How many times a scene has.
     """
     wanted = [
         (kind, r) for kind, (_, own) in KINDS.items() if kinds is None or kind in kinds for r in own if r in regions

@@ -20,7 +20,7 @@ RESOLUTION = 110
 
 
 def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = ()) -> None:
-    """Write one pose in the format that the file's name ends in; parameters as in `svg.still`.
+    """Write one pose in the format that the file's name ends in.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = 
 
 
 def save_animation(drawing: Drawing, file: Path, seconds: float = 4.0) -> None:
-    """Write the motion as GIF, or as MP4 where ffmpeg is installed; `seconds` long [s].
+    """Write the motion as GIF, or as MP4 where ffmpeg is installed.
 
     Parameters
     ----------

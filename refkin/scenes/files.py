@@ -62,8 +62,6 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does.
 
-    With the `text` of a TOML file faults name their lines.
-
     Parameters
     ----------
     data : dict
@@ -71,7 +69,7 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     source : str
         What faults call it.
     text : str
-        The file itself, if it is TOML.
+        The file itself, if it is TOML: then faults name their lines.
     """
     from refkin.scenes import keys  # here: pydantic is loaded when a file is read
 

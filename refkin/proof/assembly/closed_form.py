@@ -66,6 +66,10 @@ def place(
 
     Parameters
     ----------
+    plan, rows : AssemblyPlan, AssemblyRows
+        The order of steps, and what they rest on.
+    bodies : iterable of str
+        Those of the mechanism.
     size : float
         The unit of length [m], for messages.
     holding : bool

@@ -102,7 +102,16 @@ class AssemblyRows:
 
 
 def read_rows(system: System, t: float, spread: float = 0.0) -> AssemblyRows:
-    """Return the rows of all constraints of a system at time t, in the precision in force; see the module."""
+    """Return the rows of all constraints of a system at time t, in the precision in force; see the module.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+        When [s].
+    spread : float
+        By how much of itself each number may be off.
+    """
     exact = exact_system(system, ctx.prec)
     given, balls = (elements_of(p.constraint for p in s.placed) for s in (system, exact))
     readers = [_Reader(*pair, system.unit, arb(t), spread) for pair in zip(given, balls, strict=True)]
@@ -119,7 +128,17 @@ def read_rows(system: System, t: float, spread: float = 0.0) -> AssemblyRows:
 def angles_from(
     body: str, relative_angles: Sequence[AngleConstraint], angles: dict[str, Ball]
 ) -> Iterator[tuple[AngleConstraint, Ball]]:
-    """Note the angles that follow from that of a body, 0 where none is known; yield what disagrees, and by how much."""
+    """Note the angles that follow from that of a body, 0 where none is known; yield what disagrees, and by how much.
+
+    Parameters
+    ----------
+    body : str
+        Where to begin.
+    relative_angles : sequence of AngleConstraint
+        What is known.
+    angles : dict of str to Ball
+        Body -> its angle [rad]; filled in.
+    """
     angles.setdefault(body, arb(0))
     waiting = [body]
     while waiting:

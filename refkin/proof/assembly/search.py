@@ -104,6 +104,8 @@ def by_search(
 
     Parameters
     ----------
+    poses, radii, complete
+        As in `Assemblies`.
     why, note : str
         Why it was made, and what is to be said of it.
     """
@@ -320,6 +322,8 @@ def refined(system: System, start: Array, t: float) -> Array | None:
         Compiled in its mechanism's own unit.
     start : (n,) array
         A guess of the pose at time t [s], in the system's coordinates.
+    t : float
+        When [s].
     """
     result = position(system, start, t, max_iterations=30)
     if not (result.converged and closes(system, result.q, t)):
@@ -336,6 +340,8 @@ def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
         Compiled in its mechanism's own unit.
     q : (n,) array
         The pose at time t [s], in the system's coordinates.
+    t : float
+        When [s].
     allowed : float
         The residual that is allowed in any case.
     """

@@ -182,7 +182,16 @@ def across(v: Vec3, h: Vec3) -> Ball:
 
 
 def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -> Iterator[Any]:
-    """Yield poses (n,) of bodies that no joint holds, spread evenly."""
+    """Yield poses (n,) of bodies that no joint holds, spread evenly.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+        When [s].
+    count, first : int
+        How many, and the number of the first in their sequence.
+    """
     bodies, width = len(system.mechanism.bodies), system.kind.width
     for k in range(first, first + count):
         q = np.zeros(system.n)
@@ -213,7 +222,14 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
 
 
 def signed(system: System, q: Any, like: Any) -> Any:
-    """Return a pose (n,) with the Euler parameters of each body on the side of those in another pose."""
+    """Return a pose (n,) with the Euler parameters of each body on the side of those in another pose.
+
+    Parameters
+    ----------
+    system : System
+    q, like : (n,) array
+        The pose, and the other one.
+    """
     q = np.array(q)
     for body in system.mechanism.bodies:
         at = system.columns(body.name)

@@ -187,6 +187,15 @@ def read(numbers: Any, batch: int, wide: Any = float) -> Bounds:
     """Return an object array of `Bounded` numbers and plain ones as arrays, B = `batch`.
 
     The middles are binary64, or `wide`: then they are as they are.
+
+    Parameters
+    ----------
+    numbers : array of object
+        Of any shape.
+    batch : int
+        B.
+    wide : type
+        Of the numbers that are returned.
     """
     mid, rounding, spread = (np.zeros((*numbers.shape, batch), kind) for kind in (wide, float, float))
     for place, x in np.ndenumerate(numbers):

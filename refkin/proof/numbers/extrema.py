@@ -27,6 +27,12 @@ def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[fl
     """Return the times between a and b at which what drives one of these constraints turns back, in order.
 
     The row of a distance depends on f^2: that turns back where f does, and where f is zero.
+
+    Parameters
+    ----------
+    constraints : iterable of Constraint
+    a, b : float
+        Times [s].
     """
     times: set[float] = set()
     for constraint in constraints:
@@ -73,6 +79,12 @@ def hides(law: Law, a: float, b: float) -> bool:
 
     A table may where more than one of its arguments lies between, a sinusoid where its phase goes on by a radian, any
     other law where it turns back.
+
+    Parameters
+    ----------
+    law : Law
+    a, b : float
+        Times [s].
     """
     if isinstance(law, Sinusoid):
         return abs(law.angular_frequency) * (b - a) > 1.0

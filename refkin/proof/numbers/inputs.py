@@ -19,7 +19,16 @@ A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
 
 
 def has_digits(system: System, q: Any, t: Any) -> Any:
-    """Return at which poses (n, B) rounding of coordinates and laws is too little to be asked about, (B,)."""
+    """Return at which poses (n, B) rounding of coordinates and laws is too little to be asked about, (B,).
+
+    Parameters
+    ----------
+    system : System
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Times [s].
+    """
     return (U * np.max(np.abs(q), axis=0) <= SINGULAR) & laws_have_digits(system, t)
 
 
@@ -83,6 +92,7 @@ def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
 
     Parameters
     ----------
+    system : System
     q : (n, B) array
         Poses, in the system's coordinates.
     t : (B,) array
@@ -101,6 +111,7 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
 
     Parameters
     ----------
+    system : System
     rows : (n,) or (n, B) array of int
         The rows that were solved.
     root : Nearly
@@ -129,6 +140,7 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
 
     Parameters
     ----------
+    system : System
     rows : (n,) or (n, B) array of int
         The rows that were solved.
     q : (n, B) array

@@ -77,7 +77,15 @@ def of_rows(values: Any, rows: Any) -> Any:
 
 
 def read_rows(numbers: Any, rows: Any, batch: int, wide: Any = float) -> Bounds:
-    """Return what `read` does of such rows of an object array (m, ...)."""
+    """Return what `read` does of such rows of an object array (m, ...).
+
+    Parameters
+    ----------
+    numbers, batch, wide
+        As for `read`.
+    rows : (n,) or (n, B) array of int
+        Which of the m.
+    """
     if rows.ndim == 1:
         return read(numbers[rows], batch, wide)
     every = read(numbers, batch, wide)
@@ -98,6 +106,7 @@ def independent_rows(system: System, q: Any, t: Any) -> Any:
 
     Parameters
     ----------
+    system : System
     q : (n, B) array
         Poses, in the system's coordinates.
     t : (B,) array

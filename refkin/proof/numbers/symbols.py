@@ -247,7 +247,14 @@ def substitute(
 ) -> Symbol:
     """Return an expression with the symbols in `done` replaced; what is replaced on the way is added to `done`.
 
-    `rule(symbol, new arguments)` rebuilds a node; by default it is the same operation.
+    Parameters
+    ----------
+    output : Symbol
+        The expression.
+    done : dict of Symbol to Symbol
+        What becomes what; grows.
+    rule : callable, optional
+        From an old symbol and its new arguments to a new one; by default it is the same operation.
     """
     for symbol in needed((output,), done):
         args = tuple(done[a] for a in symbol.args)
@@ -262,6 +269,16 @@ def symbolic_system(system: System, graph: Graph, geometry: Sequence[tuple[Symbo
     """Return a system whose formulas leave expressions: its geometry is given, per constraint; laws are inputs.
 
     What is passive is held as it was estimated or, `held`, as inputs say.
+
+    Parameters
+    ----------
+    system : System
+    graph : Graph
+        Where expressions are kept.
+    geometry : sequence of tuple of Symbol
+        Per constraint its scaled numbers.
+    held : bool
+        What is passive moves as laws say.
     """
     placed = [
         replace(p, constraint=cast(Any, _Symbolic(p.constraint, graph, k)), g=cast(Any, g))
@@ -299,7 +316,16 @@ class _Symbolic:
 
 
 def coordinates(graph: Graph, kind: str, n: int) -> Any:
-    """Return coordinates ("q"), or their rates ("qd"), as inputs, (n,)."""
+    """Return coordinates ("q"), or their rates ("qd"), as inputs, (n,).
+
+    Parameters
+    ----------
+    graph : Graph
+    kind : str
+        "q" or "qd".
+    n : int
+        How many.
+    """
     out = np.empty(n, object)
     for c in range(n):
         out[c] = graph.input(kind, c)

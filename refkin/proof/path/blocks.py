@@ -63,8 +63,11 @@ def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
 
     Parameters
     ----------
+    system : System
     q : (n,) array
         A pose, in the system's coordinates, at the time t [s].
+    t : float
+        When [s].
     rows : (n,) array of int, optional
         The rows that are solved, of the m; by default some that are independent at the pose.
     """

@@ -95,6 +95,7 @@ def step_over_crossing(system: System, t: Any, q: Any, steps: Sequence[int]) -> 
 
     Parameters
     ----------
+    system : System
     t : (T,) array
         Times [s].
     q : (n, T) array

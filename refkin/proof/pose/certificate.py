@@ -84,6 +84,8 @@ def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, row
         Compiled in its mechanism's own unit, so that no bound depends on the unit of length.
     q, qd, qdd : (n, B) array
         Answers of any origin in the system's coordinates; qdd only with qd.
+    t : (B,) array
+        Times [s].
     rows : (n,) or (n, B) array of int, optional
         The rows to certify where there are more than n, of all poses or of each; by default a maximal independent set
         at the first pose.
@@ -155,10 +157,20 @@ def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
 def unique_within(system: System, rows: Any, q: Any, t: Any, position: Any) -> Any:
     """Return how close to each pose q (n, B) no other solution has all its coordinates, (B,); NaN where none is proved.
 
-    Of the equations `rows`, with a root that is proved to lie within `position` (B,) of q.
-
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
     |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
+
+    Parameters
+    ----------
+    system : System
+    rows : (n,) or (n, B) array of int
+        The rows that are solved.
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Times [s].
+    position : (B,) array
+        The proved radius of each pose.
     """
     pose, ones = Preconditioned(system, rows, q, t, 0), np.ones_like(q)
     reach = np.minimum(1.0, REACH / (UP * np.max(product(pose.size, ones), axis=0)))

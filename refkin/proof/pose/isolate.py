@@ -68,6 +68,8 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         Compiled in its mechanism's own unit.
     q, qd, qdd : (n, B) array
         Answers in the system's coordinates; qdd only with qd.
+    t : (B,) array
+        Times [s].
     rows : (n,) or (n, B) array of int, optional
         The rows to certify where there are more than n, of all poses or of each; by default a maximal independent set
         at the first pose.

@@ -150,6 +150,10 @@ def krawczyk(
         Compiled in its mechanism's own unit.
     q : (n,) array
         The answer, in the system's coordinates.
+    t : float
+        When [s].
+    bits : int
+        The precision of the balls.
     radius : float or (n,) array, optional
         Half-widths of the box; by default about the distance to the root that Newton finds from q.
     rows : (n,) array of int, optional

@@ -230,8 +230,11 @@ def advances(system: System, q: Any, t: float, direction: Any) -> bool:
 
     Parameters
     ----------
+    system : System
     q : (n,) array
         A pose, in the system's coordinates, at the time t [s].
+    t : float
+        When [s].
     direction : (n,) array
         A null vector of phi_q there.
     """
