@@ -13,7 +13,7 @@ import pytest
 from crosscheck.judge.prices import EffectRow
 from crosscheck.report.figures import digits_figure, newton_figure, slopes_figure, trends_figure
 from crosscheck.report.prices import effects_bars, iterations_of_notes, price_figure
-from crosscheck.report.svg import SUPERSCRIPTS
+from crosscheck.report.svg import SUPERSCRIPTS, style, swatch
 from crosscheck.scenes.names import QUANTITIES
 
 PLAIN = {written: chr(digit) for digit, written in SUPERSCRIPTS.items()}
@@ -200,16 +200,46 @@ def test_a_course_over_nights_stands_at_its_ratios_between_its_first_and_its_las
 
 def test_a_price_stands_at_its_time_and_its_digits() -> None:
     row = {"engine": "a", "method": "newton", "scene_class": "regular", "quantity": "velocity", "spread": 0.1}
-    priced = {(0.4, 6.0): "loose", (12.0, 9.5): "k = 3", (300.0, 14.0): "tight", (2000.0, 18.0): "far"}
+    priced = {(0.2, -0.5): "none", (0.3, 0.4): "one", (0.4, 6.0): "loose", (12.0, 9.5): "k = 3"}
+    priced |= {(300.0, 14.0): "tight", (2000.0, 18.0): "far"}
     rows = [
-        {**row, "setting": setting, "microseconds": time, "digits": digits, "digits_attainable": 15.0}
+        {
+            **row,
+            "setting": setting,
+            "microseconds": time,
+            "digits": digits,
+            "digits_attainable": min(digits + 9.0, 15.0),
+        }
         for (time, digits), setting in priced.items()
     ]
-    panel = Read(price_figure(rows, {}).panels[0])
+    silent = {**row, "setting": "silent", "microseconds": 3.0, "digits": None, "digits_attainable": None}
+    drawn, blank = (price_figure(some, {}).panels[0] for some in ([*rows, silent], [silent]))
+    panel = Read(drawn)
 
-    panel.near(panel.marks().values(), [(math.log10(time), min(digits, 17.5)) for time, digits in priced])
+    assert ["nothing was measured" in drawn, "nothing was measured" in blank] == [False, True]
+    panel.near(panel.marks().values(), [(math.log10(time), min(max(digits, 0.0), 17.5)) for time, digits in priced])
     levels = [line for line in map(points, panel.root.findall("polyline")) if line[0][0] == panel.left]
     assert any(panel.y(line[0][1]) == pytest.approx(15.0, abs=0.1) for line in levels)
+
+
+def test_an_engine_has_in_the_figure_of_prices_the_look_of_its_best_method_elsewhere() -> None:
+    """Of a method that is not its shipped defaults; else one that no other series of the page has."""
+    looks = {("a", "shipped"): style(0), ("a", "newton"): style(1), ("c", "shipped"): style(2)}
+    row = {
+        "method": "any",
+        "scene_class": "regular",
+        "quantity": "velocity",
+        "spread": 0.1,
+        "setting": "",
+        "digits": 9.0,
+    }
+    rows = [{**row, "engine": engine, "microseconds": 2.0, "digits_attainable": 15.0} for engine in "abc"]
+
+    assert price_figure(rows, looks).legend == (
+        (swatch(style(1)), "a"),
+        (swatch(style(4)), "b"),
+        (swatch(style(5)), "c"),
+    )
 
 
 def test_digits_after_iterations_stand_at_their_iteration() -> None:
@@ -252,6 +282,30 @@ def test_the_parts_of_a_bar_are_as_long_as_what_they_cost_and_one_begins_where_t
     boxes = [float(box.get("x", 0)) for box, words in titled if len(words) == 1]
     assert sorted(x - 18 for x in legend.values()) == pytest.approx(sorted(boxes))
     assert len(set(legend.values())) == 3
+
+
+@pytest.mark.parametrize("longest", [1.3e-4, 0.059, 0.7, 6.0, 11.0, 12.5, 29.0, 65.0, 3e3])
+def test_ticks_of_bars_have_the_smallest_round_step_that_reaches_the_longest_bar_in_six(longest: float) -> None:
+    lengths = {"a": 0.3 * longest, "b": longest, "c": 0.1 * longest}
+    rows = [
+        EffectRow(
+            engine=engine, method="newton", setting="", effect="velocity", without=0.75 * length, spread=0.0,
+            microseconds=0.25 * length, called_for=True, inert=True,
+        )
+        for engine, length in lengths.items()
+    ]  # fmt: skip
+    root = ET.fromstring(effects_bars(rows))
+    texts = [(float(t.get("x", 0)), t.text or "") for t in root.iter("text")]
+    ticks = [(x, float(text)) for x, text in texts if re.fullmatch(r"[\d.e+-]+", text)]
+    places, values = zip(*ticks, strict=True)
+    step = min(s for k in range(-6, 5) for s in (10.0**k, 2.0 * 10.0**k, 5.0 * 10.0**k) if 6.0 * s >= longest)
+
+    assert values == pytest.approx([step * k for k in range(len(values))])
+    assert values[-2] < longest <= values[-1] * (1.0 + 1e-12)
+    ends = [
+        float(b.get("x", 0)) + float(b.get("width", 0)) for b in root.iter("rect") if ": " in b.findtext("title", "")
+    ]
+    assert max(ends) == pytest.approx(np.interp(longest, values, places), abs=0.1)
 
 
 def unpriced() -> list[EffectRow]:
