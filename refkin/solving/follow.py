@@ -36,7 +36,7 @@ from refkin.system import System, compile_system
 _ITSELF = Polynomial(coefficients=(0.0, 1.0))
 """The law of a driver whose value is t."""
 NEARLY = math.sqrt(SAME)
-"""A clearance below which paths all but meet."""
+"""A clearance below which a pose is beside one where paths meet, or that is alone."""
 ANGLE = "angle"
 """The type of a driver whose law is an angle, in the plane or in space."""
 
@@ -290,8 +290,8 @@ class _Continuation:
         residual, radius = _evidence(system, q, t)
         driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
         own = (f"{d.name} [{'rad' if d.type == ANGLE else 'm'}]" for d in driven)
-        meets = bool(poses) and self.curve.clearance(trace.points[-1]) < NEARLY
-        why = _why(system, trace.end, q[:, -1], t[-1], meets) if poses else str(trace.end)
+        singular = bool(poses) and self.curve.clearance(trace.points[-1]) < NEARLY
+        why = _why(system, trace.end, q[:, -1], t[-1], singular) if poses else str(trace.end)
         return Path(
             t=t,
             q=q[: system.of_bodies],
@@ -319,15 +319,16 @@ class _Continuation:
         return vectors
 
 
-def _why(system: System, end: PathEnd, q: Any, t: float, meets: bool) -> str:
-    """Return why a path ends with a pose [m, rad], in words; `meets`: whether another path all but meets it there."""
+def _why(system: System, end: PathEnd, q: Any, t: float, singular: bool) -> str:
+    """Return why a path ends with a pose [m, rad], in words; `singular`: whether it is beside one, t among the rest."""
     tables = [name for name, *known in ends(system.mechanism.constraints) if t in known]
     if end is PathEnd.RANGE and tables:
         return f"{end}: the table of {tables[0]} ends"
-    cam = end_of_profile(system, system.to_unit(q)) if end is PathEnd.STOPPED else ""
-    if cam:
+    if end is not PathEnd.STOPPED:
+        return end
+    if cam := end_of_profile(system, system.to_unit(q)):
         return f"the contact of {cam} leaves its profile"
-    return f"{end}: paths meet or all but meet, and cannot be told apart" if end is PathEnd.STOPPED and meets else end
+    return f"{end}: how paths go on beside a singular pose is not decided" if singular else end
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

@@ -307,7 +307,7 @@ def test_beside_a_pose_where_four_curves_meet_a_path_does_not_turn_to_and_fro_by
 
     assert np.all(np.diff(path.t) > 0.0)
     assert path.t[-1] == pytest.approx(np.pi, abs=1e-6)
-    assert path.message == "no step is small enough: paths meet or all but meet, and cannot be told apart"
+    assert path.message == "no step is small enough: how paths go on beside a singular pose is not decided"
 
 
 @pytest.mark.parametrize("law", [(np.pi - 1.0, 2.0, -1.0), (np.pi - 1.0, 3.0, -3.0, 1.0)], ids=["back", "on"])
