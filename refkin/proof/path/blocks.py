@@ -9,6 +9,7 @@ their change points together, and go over to their other branches together.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,7 @@ def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
     elsewhere[:moved] += np.sqrt(np.arange(2, moved + 2))  # no two of them in a simple ratio
     there = system.held_at(elsewhere).phi_q(elsewhere, t + LATER * max(1.0, abs(t)))
     pattern = (system.phi_q(q, t) != 0) | (there != 0)
-    return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
+    return _blocks_of(pattern[rows].tobytes(), tuple(rows.tolist()))
 
 
 def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
@@ -166,8 +167,14 @@ def matching(pattern: Any) -> Any:
     return np.array([row_of[c] for c in range(len(columns))], int)
 
 
-def _stacked(parts: list[tuple[Any, Any]], n: int) -> Blocks:
-    """Return blocks as one stack of matrices of the largest size; smaller ones are continued by ones."""
+@lru_cache(maxsize=64)
+def _blocks_of(pattern: bytes, chosen: tuple[int, ...]) -> Blocks:
+    """Return the blocks of the pattern (n, n) of so many rows: the steps of a branch ask for the same again and again.
+
+    They are one stack of matrices of the largest size; smaller ones are continued by ones.
+    """
+    n, rows = len(chosen), np.array(chosen)
+    parts = [(rows[r], c) for r, c in diagonal_blocks(np.frombuffer(pattern, bool).reshape(n, n))]
     size = max((len(r) for r, _ in parts), default=0)
     entries = [
         (row * n + column, (k * size + i) * size + j)
