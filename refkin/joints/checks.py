@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
-from itertools import pairwise
+from operator import ge
 from typing import Any
 
 from refkin.errors import Fault
@@ -60,12 +60,12 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
-    finite = all(math.isfinite(t) for t in times)
+    numbers = [*filter(math.isfinite, times)]
     if not times:
         yield Fault("times", [], "at least one time")
-    if not finite:
+    if len(numbers) < len(times):
         yield Fault("times", list(times), "finite times")
-    if any(b <= a for a, b in pairwise(t for t in times if math.isfinite(t))):
+    if any(map(ge, numbers, numbers[1:])):
         yield Fault("times", list(times), "strictly increasing times")
     if bodies_wanted is not None and not bodies_wanted:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
@@ -80,7 +80,7 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
         yield from _count_faults(f"point[{k}].position", point.position, kind_of(scene.mechanism).dimension)
         if point.body not in names:
             yield _no_body(f"point[{k}].body", point.body, names)
-    for path, c in _paths(scene.mechanism) if times and finite else ():
+    for path, c in _paths(scene.mechanism) if times and len(numbers) == len(times) else ():
         for key, law in zip(c.law_keys, c.laws, strict=True):
             low, high = (-math.inf, math.inf) if list(law.faults("")) else law.domain()
             if not (low <= times[0] and times[-1] <= high):
