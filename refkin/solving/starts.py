@@ -173,7 +173,10 @@ def _choice(
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
-    why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
+    far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
+    absent = [name for name in missing if name not in far]
+    why = f"no estimate for {', '.join(absent)}" if absent else "more than one assembly may be near the estimate"
+    why = f"an estimate beyond all digits for {', '.join(far)}" if far and not absent else why
     if nearest == len(search.poses):
         others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
         return poses[nearest], f"{why}: Newton's, {f'nearer than {others} others' if others else 'the only one'} found"
