@@ -33,7 +33,7 @@ COMMANDS = {
     "price": ("price:price", "Show what accuracy costs on a scene: digits against microseconds."),
     "effects": ("bench:effects", "Show what every effect costs on a scene."),
     "bench": ("bench:bench", "Measure time and error against C, the engines, SciPy and the closed form."),
-    "tape": ("diagnose:tape", "Print the operations that the fast path runs for a scene."),
+    "program": ("diagnose:program", "Print the operations that the fast path runs for a scene."),
     "conform": ("replay:conform", "Test an engine on every joint, driver and status."),
     "engines": ("engines:print_engines", "Print what each engine can do, and why it refuses the rest."),
     "ledger": ("documents:ledger", "Recompute every printed number of the source documents."),

@@ -73,7 +73,7 @@ RIVALS: dict[Key, str] = {
     ("c", "dense Newton", ""): "dense Newton in C",
 }
 """The rivals that every claim names first: the same algorithm in C, then what a person would write in C."""
-CLAIMED = (("refkin-lanes", "all times at once", "no evidence"), ("refkin-lanes", "sparse", ""))
+CLAIMED = (("refkin-batch", "all times at once", "no evidence"), ("refkin-batch", "sparse", ""))
 UNRANKED = "not ranked"
 
 
@@ -120,9 +120,9 @@ def notes(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return what each method does, and of how much of the workload, where that is a part of it."""
     lines = []
     for row in rows:
-        judged = f"; compared {row['judged']:,}" if row["unit"] == "configuration" else ""
-        without = f", no budget holds at {row['unjudged']} of the sample" if row["unjudged"] else ""
-        lines.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{judged}{without})")
+        compared = f"; compared {row['compared']:,}" if row["unit"] == "configuration" else ""
+        without = f", no budget holds at {row['uncompared']} of the sample" if row["uncompared"] else ""
+        lines.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{compared}{without})")
     return list(dict.fromkeys(lines))
 
 

@@ -1,4 +1,4 @@
-"""A scene's equations: `crosscheck diagnose` and `crosscheck mobility` at a pose, `crosscheck tape` as a list."""
+"""A scene's equations: `crosscheck diagnose` and `crosscheck mobility` at a pose, `crosscheck program` as a list."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def _clear(rank: Rank) -> str:
     return f"singular values: {rank.kept:.3g} the smallest that counts, {rank.dropped:.3g} the largest that does not"
 
 
-def tape(scene: SceneFile, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
+def program(scene: SceneFile, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
     """Print the operations that the fast path runs for a scene, and how many there are.
 
     A scene that calls for less has fewer: no accelerations, or bodies wanted that do not hang on all others.
@@ -169,7 +169,7 @@ def tape(scene: SceneFile, *, counts: Annotated[bool, Parameter(negative="")] = 
         print(f"this installation has no fast path: {error}")
         return DISAGREEMENT
     try:
-        compiled = fast.tape(read)
+        compiled = fast.program_of(read)
     except RefkinError as error:
         print(error)
         return DISAGREEMENT

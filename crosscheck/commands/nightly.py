@@ -189,8 +189,8 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     out = console(140)
     counts = ("scenes", "new", "known")
     verdicts = [coloured(n["verdict"], "green" if n["verdict"] == "pass" else "red") for n in kept[-last:]]
-    told = zip(kept[-last:], verdicts, strict=True)
-    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in told)
+    last_nights = zip(kept[-last:], verdicts, strict=True)
+    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in last_nights)
     out.print(table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights"))
     out.print(_digit_table(kept[-last:]))
     out.print(_cost_table(course["series"]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from crosscheck.engines.vector_loop import LoopSystem, Variable, Vector
+from crosscheck.engines.vector_loop import LoopSystem, LoopVector, Variable
 from crosscheck.engines.vector_loop.vectors import variable
 from refkin.motion_laws import Law
 
@@ -37,10 +37,10 @@ def four_bar(
     """
     angles = _angles(("theta2", "theta3", "theta4"), given, driven)
     loop = (
-        Vector(crank, angle=angles["theta2"]),
-        Vector(coupler, angle=angles["theta3"]),
-        Vector(-rocker, angle=angles["theta4"]),
-        Vector(-ground, angle=Variable(ground_angle)),
+        LoopVector(crank, angle=angles["theta2"]),
+        LoopVector(coupler, angle=angles["theta3"]),
+        LoopVector(-rocker, angle=angles["theta4"]),
+        LoopVector(-ground, angle=Variable(ground_angle)),
     )
     return LoopSystem(_free(angles), [loop])
 
@@ -56,10 +56,10 @@ def slider_crank(
     angles = _angles(("theta2", "theta3", "s"), given, driven)
     guide = Variable(guide_angle)
     loop = (
-        Vector(crank, angle=angles["theta2"]),
-        Vector(rod, angle=angles["theta3"]),
-        Vector(-1.0, angles["s"], guide),
-        Vector(-1j * offset, angle=guide),
+        LoopVector(crank, angle=angles["theta2"]),
+        LoopVector(rod, angle=angles["theta3"]),
+        LoopVector(-1.0, angles["s"], guide),
+        LoopVector(-1j * offset, angle=guide),
     )
     return LoopSystem(_free(angles), [loop])
 
@@ -75,10 +75,10 @@ def inverted_slider_crank(
     """
     angles = _angles(("theta2", "theta3", "s"), given, driven)
     loop = (
-        Vector(crank, angle=angles["theta2"]),
-        Vector(-ground),
-        Vector(-1.0, angles["s"], angles["theta3"]),
-        Vector(-1j * offset, angle=angles["theta3"]),
+        LoopVector(crank, angle=angles["theta2"]),
+        LoopVector(-ground),
+        LoopVector(-1.0, angles["s"], angles["theta3"]),
+        LoopVector(-1j * offset, angle=angles["theta3"]),
     )
     return LoopSystem(_free(angles), [loop])
 
@@ -90,9 +90,9 @@ def slotted(a1: float, a2: float, a4: float, a5: float, b1: float, c1: float, gi
     b1 - i a1 - s6 + a5 e^(i theta15) + a4 e^(i theta14) = 0
     """
     theta14, theta15, s4, s6 = (Variable(unknown=name) for name in ("theta14", "theta15", "s4", "s6"))
-    link5 = Vector(a5, angle=theta15)
-    first = (Vector(complex(b1, -c1)), Vector(-a2, angle=variable(given)), link5, Vector(1.0, s4, theta14))
-    second = (Vector(complex(b1, -a1)), Vector(-1.0, s6), link5, Vector(a4, angle=theta14))
+    link5 = LoopVector(a5, angle=theta15)
+    first = (LoopVector(complex(b1, -c1)), LoopVector(-a2, angle=variable(given)), link5, LoopVector(1.0, s4, theta14))
+    second = (LoopVector(complex(b1, -a1)), LoopVector(-1.0, s6), link5, LoopVector(a4, angle=theta14))
     return LoopSystem(("theta14", "theta15", "s4", "s6"), [first, second])
 
 
@@ -131,17 +131,17 @@ def rapier(reading: str, given: Input) -> LoopSystem:
     to_d = long["a4"] - long["b4"] if first_reading else long["a4"] + long["b4"]
     counted_from = complex(-long["d1"], -long["b1"]) if first_reading else complex(0.0, long["b1"])
     first = (
-        Vector(long["a2"], angle=variable(given)),
-        Vector(long["a3"], angle=theta13),
-        Vector(-long["a4"], angle=theta14),
-        Vector(-long["a5"], angle=theta15),
-        Vector(-c0),
+        LoopVector(long["a2"], angle=variable(given)),
+        LoopVector(long["a3"], angle=theta13),
+        LoopVector(-long["a4"], angle=theta14),
+        LoopVector(-long["a5"], angle=theta15),
+        LoopVector(-c0),
     )
     second = (
-        Vector(c0 + long["a6"] - counted_from),
-        Vector(long["a5"], angle=theta15),
-        Vector(to_d, angle=theta14),
-        Vector(-1.0, s16),
+        LoopVector(c0 + long["a6"] - counted_from),
+        LoopVector(long["a5"], angle=theta15),
+        LoopVector(to_d, angle=theta14),
+        LoopVector(-1.0, s16),
     )
     return LoopSystem(names, [first, second])
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from crosscheck.documents.convergence import slope
 from crosscheck.documents.ledger import all_rows, read
-from crosscheck.documents.ledger.arithmetic import Balls, Binary64
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Binary64
 from crosscheck.documents.ledger.rows import Printed
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
 from crosscheck.engines import QUANTITIES
@@ -70,8 +70,8 @@ def tally(row: dict[str, Any]) -> dict[str, int]:
 def digits_told(row: dict[str, Any], erratum: dict[str, Any]) -> str:
     """Return the printed numbers of an erratum with their digits: "2.7109 for 2.701942 (2.4 of 5 digits)"."""
     by_name = {v["name"]: v for v in row["values"]}
-    told = "{name}: {printed} for {truth} ({digits_correct:g} of {digits_printed} digits)"
-    return "; ".join(told.format(**by_name[path]) for path in erratum["at"])
+    line = "{name}: {printed} for {truth} ({digits_correct:g} of {digits_printed} digits)"
+    return "; ".join(line.format(**by_name[path]) for path in erratum["at"])
 
 
 def closing(rows: Sequence[dict[str, Any]]) -> str:
@@ -244,7 +244,7 @@ def digits_by_iteration() -> list[dict[str, Any]]:
 
 
 def _truth(given: Mapping[str, Any]) -> Levels:
-    balls = Balls(TRUTH_BITS)
+    balls = ArbNumbers(TRUTH_BITS)
     with balls.at_precision():
         system = four_bar(balls, given)
         q = balls.root(system, estimate(balls, given))

@@ -33,7 +33,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Sine:
+class SineRow:
     """y = sin x: an engine that holds two axes parallel by a product of unit vectors.
 
     `rounding` is what such a product errs by, whatever x is: its two terms are of order 1, each rounded once or twice.

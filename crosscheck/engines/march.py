@@ -65,7 +65,7 @@ Closing = Callable[[Array, float], tuple[Array | None, float]]
 
 
 @dataclass(frozen=True)
-class March:
+class MarchResult:
     """Coordinates and rates over the times: levels of (n, T), NaN where there is no answer; what is known of each.
 
     `levels` holds positions, then velocities and accelerations if called for; `residual` (T,) the largest components.
@@ -76,7 +76,7 @@ class March:
     residual: Array
 
 
-def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> March:
+def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> MarchResult:
     """Return the poses to which an engine leads each time from its last answer, as a user would do it."""
     levels, residual = np.full((len(start), len(times)), np.nan), np.full(len(times), np.nan)
     status, q = [Status.NOT_CONVERGED] * len(times), start
@@ -85,7 +85,7 @@ def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> March:
         if pose is not None:
             q, status[k], residual[k] = pose, Status.OK, gap
             levels[:, k] = q
-    return March((levels,), tuple(status), residual)
+    return MarchResult((levels,), tuple(status), residual)
 
 
 def march(
@@ -96,7 +96,7 @@ def march(
     *,
     together: bool = True,
     resumes: bool = False,
-) -> March:
+) -> MarchResult:
     """Return the motion at each time, starting at an estimate and going on from the last pose that closed.
 
     Parameters
@@ -150,7 +150,7 @@ def _same(guessed: Poses, pose: Poses) -> bool:
     return bool(len(guessed.t) and largest(guessed.q - pose.q)[0] <= GUESSED_WELL)
 
 
-def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> March:
+def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> MarchResult:
     """Return poses at all times with their rates up to an order."""
     poses = Poses.joined(path)
     levels = [poses.q, poses.qd, np.full_like(poses.q, np.nan)][: order + 1]
@@ -162,7 +162,7 @@ def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) 
         levels[1] = np.where(ok[:, None], levels[1], np.nan)
     known = (Status.NOT_CONVERGED, Status.SINGULAR, Status.OK)
     status = tuple(known[at] for at in (poses.known.astype(int) + ok).tolist())
-    return March(tuple(np.ascontiguousarray(level.T) for level in levels), status, poses.residual)
+    return MarchResult(tuple(np.ascontiguousarray(level.T) for level in levels), status, poses.residual)
 
 
 # all at once

@@ -34,18 +34,18 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.undisturbed import quiet, undisturbed
 from crosscheck.scenes.names import called, called_for, order_of
-from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
+from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
-OURS = ("refkin", "refkin-lanes", "scipy", "numpy", "c")
+OURS = ("refkin", "refkin-batch", "scipy", "numpy", "c")
 """Producers that are no engine: they solve the reference's equations, or know what a four-bar is."""
-PRICED = ("refkin", "refkin-lanes", "scipy", *PEERS)
+PRICED = ("refkin", "refkin-batch", "scipy", *PEERS)
 """Whose methods a price list has by default."""
 MODULES = {
     "refkin": "ours.refkin_methods",
-    "refkin-lanes": "ours.lanes",
+    "refkin-batch": "ours.batch",
     "scipy": "ours.scipy_methods",
     "numpy": "ours.numpy_methods",
     "c": "ours.c_methods",
@@ -109,7 +109,7 @@ class Batch:
     count : int
         How many configurations one call answers, or how many Newton iterations it makes.
     answers : callable
-        What was answered: `Piece`s of four-bars or RSSRs, or the coordinates (n,) of a chain.
+        What was answered: `AnswerPiece`s of four-bars or RSSRs, or the coordinates (n,) of a chain.
     note : str
         What a reader has to know of it at this workload, beside the method's own note.
     """
@@ -248,7 +248,7 @@ class Method:
         """
         if self.batch is not None:
             return self.batch(workload, order)
-        if isinstance(workload, Chain):
+        if isinstance(workload, LoopChain):
             raise EngineError("not made for chains: it makes no single Newton iterations")
         return one_by_one(self.model, workload, order)
 
@@ -265,7 +265,7 @@ def one_by_one(
     part = workload.first(max(1, asked // len(workload.t)))
     models = [build(part.scene(sample)) for sample in range(part.mechanisms)]
 
-    def answers() -> Iterable[Piece]:
+    def answers() -> Iterable[AnswerPiece]:
         for sample, model in enumerate(models):
             levels = [np.asarray(level)[:, None] for level in model.read(model.solve(order))[: order + 1]]
             yield whole(part, np.array([sample]), levels, range(len(levels[0])))

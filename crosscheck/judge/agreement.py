@@ -60,7 +60,7 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     if faults:
         raise AssertionError(f"{scene.name}: " + "\n".join(faults))
     proved = {Status.UNASSEMBLABLE, Status.LOCKED} >= set(ref.motion.status)
-    if not compared.judged and not proved:
+    if not compared.compared and not proved:
         raise NothingToCompare(f"{scene.name}: nothing to compare: the reference is {ref.motion.verdict}")
 
 

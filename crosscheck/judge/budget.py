@@ -56,12 +56,12 @@ TENTH = 0.1
 class ErrorBudget:
     """Allowed absolute errors of the three levels in scaled coordinates (3, n, T); NaN where none is derived.
 
-    `judged` says per time whether a first-order statement holds: where the position error could change J by a good part
+    `compared` says per time if a first-order statement holds: where the position error could change J by a good part
     of itself (near a singular pose) none does, and only a certificate can arbitrate.
     """
 
     levels: Any
-    judged: Any
+    compared: Any
 
 
 @dataclass(frozen=True)
@@ -180,9 +180,9 @@ class Propagation:
             far = ~enough
             inverse, q = self.carried.phi[0][..., far], self.levels[0][:, far]
             enough[far] = _first_order(self.system, inverse, dq[:, far], q, self.t[far])
-        judged = np.zeros(self.count, bool)
-        judged[self.samples] = enough
-        return judged
+        compared = np.zeros(self.count, bool)
+        compared[self.samples] = enough
+        return compared
 
     def _left_in(self, form: str, residual: float) -> Any:
         """Return what a residual of the position, in rows of another form, does to the three levels, (3, n, T)."""

@@ -88,7 +88,7 @@ def _levels(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term]) -> I
         size = np.abs(_difference(ref, off, on, bodies, order))
         ours = np.nan_to_num(np.max(np.abs(ref.levels[order]), axis=0))
         relative = size / np.where((order == 0) | (ours == 0.0), 1.0, ours)
-        allowed = np.where(budget.judged, budget.levels[order][rows], 0.0)
+        allowed = np.where(budget.compared, budget.levels[order][rows], 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(size == 0.0, 0.0, size / allowed)
         row, sample = (int(k) for k in np.unravel_index(np.argmax(relative), relative.shape))

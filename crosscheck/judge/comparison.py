@@ -51,7 +51,7 @@ class Reference:
 
         It is the middle one of the times at which a budget is derived; None if there is none.
         """
-        times = np.flatnonzero(self.budget().judged)
+        times = np.flatnonzero(self.budget().compared)
         if not times.size:
             return None
         k = int(times[times.size // 2])
@@ -82,7 +82,7 @@ def decades_of(sigma: Any) -> list[int | None]:
 
 @dataclass(frozen=True)
 class QuantityComparison:
-    """One quantity of a comparison, per time; NaN where it was not judged.
+    """One quantity of a comparison, per time; NaN where it was not compared.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class QuantityComparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether every judged sample is within its budget."""
+        """Whether every compared sample is within its budget."""
         return not (self.ratio > 1.0).any()
 
 
@@ -118,7 +118,7 @@ class Comparison:
         By name, those that both have.
     missing, first_missing : int, float
         Times at which the reference is ok and the other answer is not; the first of them [s], or infinity.
-    judged : int
+    compared : int
         Times that were compared against a budget.
     other_assembly : bool
         The answer closes the linkage, but on another branch.
@@ -126,13 +126,13 @@ class Comparison:
 
     quantities: Mapping[str, QuantityComparison]
     missing: int
-    judged: int
+    compared: int
     other_assembly: bool
     first_missing: float = np.inf
 
     @property
     def agrees(self) -> bool:
-        """Whether every judged sample of every quantity is within its budget."""
+        """Whether every compared sample of every quantity is within its budget."""
         return all(q.agrees for q in self.quantities.values())
 
 
@@ -183,7 +183,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     """
     budget = ref.budget(terms)
     answered, ok = times_with(motion, Status.OK), times_with(ref.motion, Status.OK)
-    samples = budget.judged[at] & answered
+    samples = budget.compared[at] & answered
     compared = _judge(ref, motion, budget, samples, at)
     missing = np.flatnonzero(ok[at] & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf

@@ -216,7 +216,7 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
         What the engine adds.
     """
     there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
-    asked = there & times_with(motion, Status.OK) & ~ref.budget().judged
+    asked = there & times_with(motion, Status.OK) & ~ref.budget().compared
     t = motion.t[asked]
     q = whole_poses(ref, motion, asked) if t.size else None
     if q is None:

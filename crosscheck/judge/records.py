@@ -142,7 +142,7 @@ class EnclosedTimes(Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Strict):
-    """One engine's answer to one scene by one method; `missing` times have none, `judged` were compared.
+    """One engine's answer to one scene by one method; `missing` times have none, `compared` were compared.
 
     `feature`: by a feature of the engine that its other methods avoid. `granted`: the error terms that the engine's
     documentation grants it beyond rounding, by name [sizes].
@@ -153,7 +153,7 @@ class Answer(Strict):
     method: MethodData
     quantities: dict[str, Quantity]
     missing: NonNegativeInt
-    judged: NonNegativeInt
+    compared: NonNegativeInt
     times: NonNegativeInt
     seconds: float
     certificate: EnclosedTimes | None = None

@@ -91,7 +91,7 @@ def rounding_digits(ref: Reference) -> dict[str, Any]:
         allowed = np.max(budget.levels[level], axis=0) / SAFETY
         with np.errstate(divide="ignore", invalid="ignore"):
             digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels[level], level)))
-        left[quantity] = np.where(budget.judged, digits, np.nan)
+        left[quantity] = np.where(budget.compared, digits, np.nan)
     return left
 
 
@@ -153,7 +153,7 @@ DRAWS = 8
 """The largest of eight draws is about 1.4 standard deviations of such a move; of three, a fifth less."""
 
 
-def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, tuple[Any, Any]]:
+def sharpness(ref: Reference, samples: Sequence[int]) -> dict[str, tuple[Any, Any]]:
     """Return allowed over sensitivity, by quantity, at some of the times; those without a budget are left out.
 
     Returns
@@ -163,7 +163,7 @@ def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, tuple[Any, Any]
         and the smallest allowed over sensitivity of any component: errors of so many times the sensitivity are seen.
     """
     budget = ref.budget()
-    chosen = [k for k in lanes if budget.judged[k]]
+    chosen = [k for k in samples if budget.compared[k]]
     moved = input_sensitivity(ref, chosen)
     by_quantity = {}
     for quantity, level, sensitivity in zip(QUANTITIES, budget.levels, moved, strict=True):
@@ -174,14 +174,14 @@ def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, tuple[Any, Any]
     return by_quantity
 
 
-def input_sensitivity(ref: Reference, lanes: Sequence[int]) -> Any:
-    """Return the largest move of position, velocity and acceleration, (3, n, len(lanes)), in scaled coordinates.
+def input_sensitivity(ref: Reference, samples: Sequence[int]) -> Any:
+    """Return the largest move of position, velocity and acceleration, (3, n, len(samples)), in scaled coordinates.
 
     Where the largest component moves by less than its own rounding, which no answer goes without, it moves by that.
     """
     numbers = random.Random(0)
-    levels = [level[:, list(lanes)] for level in ref.levels]
-    times = tuple(ref.motion.t[list(lanes)].tolist())
+    levels = [level[:, list(samples)] for level in ref.levels]
+    times = tuple(ref.motion.t[list(samples)].tolist())
     here = _corrections(ref.system, levels, times)
     largest_change = np.zeros_like(here)
     for _ in range(DRAWS):

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, Kind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, JointKind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, parameters, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism
@@ -153,7 +153,7 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
             axes = [_turned(turns[body], hold.end(body)[1][:, 2]) for body in hold.bodies]
             wrong[hold.name] = (np.sum(axes[0] * axes[1], axis=1) < 0.0) | wrong.get(hold.name, False)
     for drive in numbers.drives:
-        if drive.kind == Kind.ANGLE and turns.keys() >= set(drive.hold.bodies):
+        if drive.kind == JointKind.ANGLE and turns.keys() >= set(drive.hold.bodies):
             (i, j), f = drive.hold.bodies, np.asarray(drive.law(motion.t, 0))[:, None]
             frame = drive.hold.frame_i
             wanted = np.cos(f) * _turned(turns[i], frame[:, 0]) + np.sin(f) * _turned(turns[i], frame[:, 1])

@@ -29,7 +29,7 @@ from crosscheck.judge.budget import SAFETY, derive, output_rounding
 from crosscheck.judge.comparison import Reference, compare, reference, scales
 from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
+from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, LoopChain, system_of, unit_of
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Evidence
 from refkin.motion import Producer, Route
@@ -49,27 +49,27 @@ NOBODY = Producer(name="", version="", route=Route(name="closed form"))
 class Accuracy:
     """What was found, of position and further `levels`.
 
-    `unjudged` counts the sampled configurations for which no budget holds (next to a fold).
+    `uncompared` counts the sampled configurations for which no budget holds (next to a fold).
     """
 
     max_error: float
     worst_over_allowed: float
     configurations: int
-    unjudged: int = 0
+    uncompared: int = 0
     levels: int = 1
 
     @property
     def ranked(self) -> bool:
         """Whether the answers are as right as they can be, and so their price worth naming."""
-        return self.worst_over_allowed <= 1.0 and not self.unjudged
+        return self.worst_over_allowed <= 1.0 and not self.uncompared
 
 
-def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
+def of_four_bars(work: FourBars, pieces: Iterable[AnswerPiece]) -> Accuracy:
     """Return the accuracy of a method's answers to a workload of four-bars."""
     stride = max(1, work.configurations // SAMPLE)
     largest, count, levels = 0.0, 0, 0
-    sample: list[Piece] = []
-    worst: list[tuple[Any, Piece]] = []
+    sample: list[AnswerPiece] = []
+    worst: list[tuple[Any, AnswerPiece]] = []
     for piece in pieces:
         of_levels = _errors(work, piece, _truth(work, piece))
         errors = np.maximum.reduce([np.max(error, axis=0) / part for error, part in of_levels])
@@ -80,20 +80,20 @@ def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
         worst.append((errors[top], piece.of(top)))
         if len(worst) > 20:
             worst = [_worst_of(worst)]
-    ratio, unjudged = 0.0, 0
-    judged = _joined([*sample, _worst_of(worst)[1]])
-    for start in range(0, len(judged.times), SAMPLES):
-        of_piece, without = _over_allowed(work, judged.of(slice(start, start + SAMPLES)))
-        ratio, unjudged = max(ratio, of_piece), unjudged + without
-    return Accuracy(largest, ratio, count, unjudged, levels)
+    ratio, uncompared = 0.0, 0
+    compared = _joined([*sample, _worst_of(worst)[1]])
+    for start in range(0, len(compared.times), SAMPLES):
+        of_piece, without = _over_allowed(work, compared.of(slice(start, start + SAMPLES)))
+        ratio, uncompared = max(ratio, of_piece), uncompared + without
+    return Accuracy(largest, ratio, count, uncompared, levels)
 
 
-def _truth(work: FourBars, piece: Piece) -> tuple[Any, ...]:
+def _truth(work: FourBars, piece: AnswerPiece) -> tuple[Any, ...]:
     lengths = work.lengths[:, piece.mechanisms].astype(np.longdouble)
     return four_bar(lengths, SPEED * work.t[piece.times].astype(np.longdouble), np.longdouble(SPEED))
 
 
-def _errors(work: FourBars, piece: Piece, truth: tuple[Any, ...]) -> Iterator[tuple[Any, Any]]:
+def _errors(work: FourBars, piece: AnswerPiece, truth: tuple[Any, ...]) -> Iterator[tuple[Any, Any]]:
     """Yield per level the errors (rows, L) in sizes and radians, and what they are a part of, (L,)."""
     size = unit_of(work.lengths[:, piece.mechanisms]).size
     rows, angles = np.asarray(piece.rows), np.arange(9) % 3 == 2
@@ -107,15 +107,15 @@ def _errors(work: FourBars, piece: Piece, truth: tuple[Any, ...]) -> Iterator[tu
         yield np.where(np.isfinite(error), error, np.inf), np.asarray(part, float)
 
 
-def _worst_of(pieces: list[tuple[Any, Piece]]) -> tuple[Any, Piece]:
+def _worst_of(pieces: list[tuple[Any, AnswerPiece]]) -> tuple[Any, AnswerPiece]:
     errors = np.concatenate([e for e, _ in pieces])
     top = np.argsort(errors)[-WORST:]
     return errors[top], _joined([piece for _, piece in pieces]).of(top)
 
 
-def _joined(pieces: list[Piece]) -> Piece:
+def _joined(pieces: list[AnswerPiece]) -> AnswerPiece:
     levels = zip(*(p.levels for p in pieces), strict=True)
-    return Piece(
+    return AnswerPiece(
         np.concatenate([p.mechanisms for p in pieces]),
         np.concatenate([p.times for p in pieces]),
         pieces[0].rows,
@@ -123,13 +123,13 @@ def _joined(pieces: list[Piece]) -> Piece:
     )
 
 
-def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:
+def _over_allowed(work: FourBars, piece: AnswerPiece) -> tuple[float, int]:
     """Return the largest error / allowed, and of how many configurations no first-order statement holds."""
     truth = _truth(work, piece)
     system = system_of(work, piece.mechanisms)
     levels = [system.to_unit(np.asarray(level, float), order) for order, level in enumerate(truth)]
     budget = derive(system, motion_of(work.t[piece.times], (), levels, NOBODY), *levels)
-    rows, known = np.asarray(piece.rows), budget.judged
+    rows, known = np.asarray(piece.rows), budget.compared
     ratio = 0.0
     for (error, _), allowed in zip(_errors(work, piece, truth), budget.levels, strict=False):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,27 +144,27 @@ def _certified(work: SpatialLoops, mechanism: int) -> Reference:
     return reference(replace(work.scene(mechanism), evidence=frozenset({Evidence.CERTIFICATE})))
 
 
-def of_spatial_loops(work: SpatialLoops, pieces: Iterable[Piece]) -> Accuracy:
+def of_spatial_loops(work: SpatialLoops, pieces: Iterable[AnswerPiece]) -> Accuracy:
     """Return the accuracy of a method's answers to a workload of RSSRs, each piece one mechanism at all times.
 
-    A time at which nothing is proved, or no budget holds, is unjudged; a missing answer is an infinite error.
+    A time at which nothing is proved, or no budget holds, is uncompared; a missing answer is an infinite error.
     """
-    largest, ratio, count, unjudged, levels = 0.0, 0.0, 0, 0, 0
+    largest, ratio, count, uncompared, levels = 0.0, 0.0, 0, 0, 0
     for piece in pieces:
         ref = _certified(work, int(piece.mechanisms[0]))
         compared = compare(ref, motion_of(np.array(work.t), ref.motion.bodies, piece.levels, NOBODY))
         count, levels = count + len(piece.times), len(piece.levels)
         proved = np.isfinite(ref.motion.certified_radius.acceleration)
-        unjudged += int(np.sum(~(ref.budget().judged & proved)))
+        uncompared += int(np.sum(~(ref.budget().compared & proved)))
         if compared.missing:
             largest = ratio = np.inf
         for quantity, level, order in zip(compared.quantities.values(), ref.levels, range(levels), strict=False):
             largest = max(largest, float(np.nanmax(quantity.error / scales(level, order), initial=0.0)))
             ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
-    return Accuracy(largest, ratio, count, unjudged, levels)
+    return Accuracy(largest, ratio, count, uncompared, levels)
 
 
-def sparse_system(work: Chain) -> Any:
+def sparse_system(work: LoopChain) -> Any:
     """Return the chain's `SparseSystem` in its own unit."""
     from refkin.fast import SparseSystem  # here: the fast paths may be absent
 
@@ -172,7 +172,7 @@ def sparse_system(work: Chain) -> Any:
     return SparseSystem(compile_system(mechanism, unit=mechanism.unit()))
 
 
-def of_chain(work: Chain, sparse: Any, q: Any) -> Accuracy:
+def of_chain(work: LoopChain, sparse: Any, q: Any) -> Accuracy:
     """Return the accuracy of coordinates q (n,) in metres and radians; `sparse` is the chain's `SparseSystem`.
 
     Parameters

@@ -13,7 +13,7 @@ from crosscheck.engines import PEERS, QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
 from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops, sparse_system
-from crosscheck.scenes.workloads import Chain, Workload, workload
+from crosscheck.scenes.workloads import LoopChain, Workload, workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.timing import Timing, timed_in_turns
 
@@ -43,8 +43,8 @@ def measured(
     """
     absent: list[dict[str, Any]] = []
     entries = list(_entries(work, _listed(work, producers, absent) if listed is None else listed, absent))
-    works = {str(k): batch.run for k, (_, batch) in enumerate(entries)}
-    timings = timed_in_turns(works, rounds=rounds, at_least=TURN, within=SECONDS)
+    workloads = {str(k): batch.run for k, (_, batch) in enumerate(entries)}
+    timings = timed_in_turns(workloads, rounds=rounds, at_least=TURN, within=SECONDS)
     rows = [row(work, *entry, timings[str(k)]) for k, entry in enumerate(entries)]
     return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
 
@@ -63,7 +63,7 @@ def _entries(work: Workload, listed: Iterable[Method], absent: list[dict[str, An
     A Newton iteration is one of positions.
     """
     for method in listed:
-        alone = isinstance(work, Chain) or method.highest == 0
+        alone = isinstance(work, LoopChain) or method.highest == 0
         orders = (0,) if alone else (method.highest,) if method.at_once else (method.highest, 0)
         for order in orders:
             try:
@@ -87,15 +87,15 @@ def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[st
         "method": name,
         "setting": setting,
         "nanoseconds_per_configuration": timing.seconds / batch.count * 1e9,
-        "unit": NEWTON_ITERATION if isinstance(work, Chain) else CONFIGURATION,
+        "unit": NEWTON_ITERATION if isinstance(work, LoopChain) else CONFIGURATION,
         "spread": timing.spread,
         "max_error": _finite(accuracy.max_error),
         "worst_over_allowed": _finite(accuracy.worst_over_allowed),
         "computes": list(QUANTITIES[: accuracy.levels]),
         "ranked": accuracy.ranked,
         "timed": batch.count,
-        "judged": accuracy.configurations,
-        "unjudged": accuracy.unjudged,
+        "compared": accuracy.configurations,
+        "uncompared": accuracy.uncompared,
         "newton_by": method.newton_by,
         "note": "; ".join(filter(None, (method.note, batch.note))),
     }
@@ -103,7 +103,7 @@ def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[st
 
 def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
     """Return how right the answers to a workload are."""
-    if isinstance(work, Chain):
+    if isinstance(work, LoopChain):
         return of_chain(work, sparse_system(work), batch.answers())
     if isinstance(work, SpatialLoops):
         return of_spatial_loops(work, batch.answers())

@@ -141,7 +141,7 @@ class _Subject:
     poses: dict[float, tuple[float, float] | None] = field(default_factory=dict)
 
     @cached_property
-    def handed(self) -> Scene:
+    def copy(self) -> Scene:
         """The scene as engines are handed it: nothing that one does to it reaches the reference or the judge."""
         return copied(self.scene)
 
@@ -156,17 +156,17 @@ class _Subject:
 
         Also where it has not: what laws keep at hand, splines, is no part of a scene that is compared.
         """
-        return bool(vars(self).pop("handed", self.scene) != self.scene)
+        return bool(vars(self).pop("copy", self.scene) != self.scene)
 
     @cached_property
     def configurations(self) -> list[Configuration]:
         """The configurations at which engines' own rows are compared; none if no pose was found to start from."""
         ref = self.ref
-        lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
-        if not lanes.size:
+        samples = np.flatnonzero(np.isfinite(ref.levels[0][0]))
+        if not samples.size:
             return []
-        near = ref.system.to_physical(ref.levels[0][:, lanes])
-        return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], self.key, CONFIGURATIONS)
+        near = ref.system.to_physical(ref.levels[0][:, samples])
+        return configurations(ref.scene.mechanism, near, ref.motion.t[samples], self.key, CONFIGURATIONS)
 
     @cached_property
     def truths(self) -> tuple[Solutions, ...]:
@@ -243,14 +243,14 @@ def _enclosure(method: Method, subject: _Subject, motion: Motion) -> EnclosedTim
     """Return at how many times a motion lies within the least error of the pose and beyond it, and how far."""
     ref, terms = subject.ref, method.terms(subject.scene)
     samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
-    judged = [sample.judgement for sample in samples_of if sample.judgement is not None]
-    counts = Counter(j.verdict for j in judged)
+    judgements = [sample.judgement for sample in samples_of if sample.judgement is not None]
+    counts = Counter(j.verdict for j in judgements)
     return EnclosedTimes(
         inside=counts[Verdict.INSIDE],
         outside=counts[Verdict.OUTSIDE],
         undecidable=counts[Verdict.UNDECIDABLE],
-        no_answer=len(samples_of) - len(judged),
-        radii=largest([j.radii for j in judged]),
+        no_answer=len(samples_of) - len(judgements),
+        radii=largest([j.radii for j in judgements]),
     )
 
 
@@ -260,9 +260,9 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     who: Any = {"engine": engine.name, "method": method.called}
     try:
         start = time.perf_counter()
-        motion = method.solve(subject.handed)
+        motion = method.solve(subject.copy)
         seconds = time.perf_counter() - start
-        of_method = [term for term in method.terms(subject.handed) if term.level not in LEVELS]
+        of_method = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
@@ -283,7 +283,7 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
             method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()} | {"name": method.called}),
             quantities=quantities(ref, compared),
             missing=compared.missing,
-            judged=compared.judged,
+            compared=compared.compared,
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
             certificate=_enclosure(method, subject, motion) if subject.arbiter else None,
@@ -361,7 +361,7 @@ def _is_refusal(error: EngineError, scene: Scene) -> bool:
 
 def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
-    scene, at, table = subject.handed, subject.configurations, engine.capabilities()
+    scene, at, table = subject.copy, subject.configurations, engine.capabilities()
     part.refusals += _refusals(engine, scene, Level.JACOBIAN)
     known = [table.get(e.key, {}).get(Level.JACOBIAN) for e in elements_of(scene.mechanism.constraints)]
     if not at or not any(c is not None and c.support is not Support.REFUSED for c in known):

@@ -55,7 +55,7 @@ class Ablations:
     """What is measured of one method: its answers by name, the effects as pairs of them, and why others are absent."""
 
     method: Method
-    works: Mapping[str, Callable[[], Motion]]
+    runs: Mapping[str, Callable[[], Motion]]
     effects: tuple[Ablation, ...]
     absent: Mapping[str, str] = field(default_factory=dict)
 
@@ -84,7 +84,7 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
     if len(scene.mechanism.bodies) > 1:
         scenes["one body"] = replace(whole, bodies_wanted=(body,))
         listed.append(Ablation(effect="other bodies", off="one body", on=ACCELERATION, note=f"those beside {body}"))
-    works: dict[str, Callable[[], Motion]] = {}
+    runs: dict[str, Callable[[], Motion]] = {}
     if method.engine == REFKIN:
         for kind, note in EVIDENCE.items():
             scenes[kind.value] = replace(whole, evidence=frozenset({kind}))
@@ -96,16 +96,16 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
         simulated = engine.physical_effects() if engine else {}
         reasons = engine.missing_effects() if engine else dict.fromkeys(PHYSICAL, none)
         for effect, how in simulated.items():
-            works[effect] = partial(method.affected(effect).solve, copied(whole))
+            runs[effect] = partial(method.affected(effect).solve, copied(whole))
             listed.append(Ablation(effect=effect, on=effect, called_for=False, note=how))
         absent |= {kind.value: "evidence is the reference's own, the engine gives none" for kind in EVIDENCE}
         absent |= {e: reasons.get(e, "the engine names none") for e in PHYSICAL if e not in simulated}
-    works |= {name: partial(method.solve, copied(asked)) for name, asked in scenes.items()}
+    runs |= {name: partial(method.solve, copied(asked)) for name, asked in scenes.items()}
     if only:
         listed = [a for a in listed if a.effect == only]
-        works = {name: works[name] for a in listed for name in (a.off, a.on)}
+        runs = {name: runs[name] for a in listed for name in (a.off, a.on)}
         absent = {effect: why for effect, why in absent.items() if effect == only}
-    return Ablations(method, works, tuple(listed), absent)
+    return Ablations(method, runs, tuple(listed), absent)
 
 
 def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[EffectRow]:
@@ -138,9 +138,9 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     within : float
         How long to measure [s].
     """
-    answers = {name: _answer(work, ref.scene) for name, work in ablated.works.items()}
-    works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], EngineError)}
-    timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
+    answers = {name: _answer(work, ref.scene) for name, work in ablated.runs.items()}
+    runs = {name: work for name, work in ablated.runs.items() if not isinstance(answers[name], EngineError)}
+    timings = timed_in_turns(runs, rounds=ROUNDS, fewest=FEWEST, within=within) if runs else {}
     there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
     return there + [_unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 

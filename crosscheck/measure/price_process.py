@@ -53,35 +53,35 @@ Digits = dict[str, tuple[float | None, str]]
 
 
 @dataclass(frozen=True)
-class Question:
+class PriceQuestion:
     """The scenes that stand for a number of poses, with their truths; those of methods that step in time apart.
 
-    `poses` is how many configurations of each scene are new: what a price is divided by; one in `judged` has a truth.
+    `poses` is how many configurations of each scene are new: what a price is divided by; one in `compared` has a truth.
     """
 
     scenes: tuple[tuple[Scene, CertifiedTruth], ...]
     stepped: tuple[tuple[Scene, CertifiedTruth], ...]
     poses: int
-    judged: int = 1
+    compared: int = 1
 
     def of(self, method: Method) -> tuple[tuple[Scene, CertifiedTruth], ...]:
         """Return the scenes that a method is asked."""
         return self.stepped if method.steps else self.scenes
 
 
-def questions(scene: Scene) -> dict[str, Question]:
+def questions(scene: Scene) -> dict[str, PriceQuestion]:
     """Return what is asked for a cycle, for one pose and in bulk; the latter two where the scene has several times."""
     truth = CertifiedTruth(scene)
-    asked = {"cycle": Question(((scene, truth),), ((scene, truth),), len(scene.times))}
+    asked = {"cycle": PriceQuestion(((scene, truth),), ((scene, truth),), len(scene.times))}
     after = np.flatnonzero(truth.known[1:] & truth.known[:-1]) + 1
     if len(after):
         chosen = after[np.unique(np.linspace(0, len(after) - 1, SAMPLED + 2).astype(int)[1:-1])]
         from_last = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, (scene.times[k],))) for k in chosen]
         stepped = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, scene.times[k - 1 : k + 1])) for k in chosen]
-        asked["one"] = Question(tuple(from_last), tuple(stepped), 1)
+        asked["one"] = PriceQuestion(tuple(from_last), tuple(stepped), 1)
         times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
         bulk = replace(scene, times=tuple(times)), CertifiedTruth(replace(scene, times=tuple(times[::JUDGED])))
-        asked["bulk"] = Question((bulk,), (bulk,), BULK, JUDGED)
+        asked["bulk"] = PriceQuestion((bulk,), (bulk,), BULK, JUDGED)
     return asked
 
 
@@ -142,7 +142,7 @@ class _Run:
             model.solve(order)
 
 
-def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: Any) -> _Run | None:
+def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pipe: Any) -> _Run | None:
     """Have a method answer a cycle and one pose, say what came of it; return it if it is to be timed."""
     pipe.send(("at", method.key, method.newton_by))
     answer: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
@@ -164,7 +164,7 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
     return run
 
 
-def _digits(run: _Run, poses: str, question: Question) -> Digits:
+def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
     """Have a method answer for so many poses; return its digits, and what is to be said of them, by quantity."""
     models, fewest = list[Model](), Digits()
     took = 0.0
@@ -178,7 +178,7 @@ def _digits(run: _Run, poses: str, question: Question) -> Digits:
         levels = list(models[-1].read(answer))
         run.order = min(run.order, len(levels) - 1)
         shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
-        levels = [level[:, :: question.judged] for level in levels_or_nothing(levels, shape, run.order)]
+        levels = [level[:, :: question.compared] for level in levels_or_nothing(levels, shape, run.order)]
         for k, level in enumerate(levels):
             fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses], run.digits[poses] = models, took, fewest
@@ -192,7 +192,7 @@ def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]
     return other if other[0] is None or other[0] < one[0] else one
 
 
-def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe: Any) -> None:
+def _time(runs: Sequence[_Run], poses: str, question: PriceQuestion, end: float, pipe: Any) -> None:
     """Time in turns what may be the cheapest; others, and what has no time, are left with the call that answered."""
     if poses == "bulk":
         runs = list(_in_bulk(runs, question, end, pipe))
@@ -252,7 +252,7 @@ def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
     return sorted(((away[key], run) for key, run in by_key.items()), key=lambda pair: (pair[0], pair[1].seconds[poses]))
 
 
-def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) -> Iterator[_Run]:
+def _in_bulk(runs: Sequence[_Run], question: PriceQuestion, end: float, pipe: Any) -> Iterator[_Run]:
     """Yield the methods that have answered in bulk, as long as there is time.
 
     Of what goes pose by pose, those that may be the cheapest of a cycle: a pose costs as much there.

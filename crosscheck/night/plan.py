@@ -128,7 +128,7 @@ def replace_file(path: Path, text: str) -> None:
 
 ALWAYS = "closed_form"
 """The engine that is always among the sources, and by itself makes no night."""
-SAMPLED = ("vector_loop", "refkin-lanes")
+SAMPLED = ("vector_loop", "refkin-batch")
 """Sources that are asked for all chains, of which few others know the joints, and for one in `SAMPLED_EVERY` of the
 other scenes: vector loops cost as much as the engines; the fast path is no peer, but one more producer of ours."""
 SAMPLED_EVERY = 40

@@ -134,10 +134,10 @@ def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
     which = first_pose(report, looks)
     names = list(looks)
     marks = [
-        {**m, "look": names.index((m["engine"], m["method"])), "told": spoken(m), "moving": spoken_moving(m)}
+        {**m, "look": names.index((m["engine"], m["method"])), "summary": spoken(m), "moving": spoken_moving(m)}
         for m in poses["marks"]
     ]
-    kept = ("look", "told", "moving", "scene", "pose", "ghost", "arrows", "cycle")
+    kept = ("look", "summary", "moving", "scene", "pose", "ghost", "arrows", "cycle")
     data = {**poses, "first": which, "marks": [{key: m[key] for key in kept} for m in marks]}
     colours = [look.colour for look in looks.values()]
     pose = None

@@ -116,7 +116,7 @@ class Cell:
     ----------
     scenes : int
         Scenes in which it was compared.
-    judged : int
+    compared : int
         Configurations that were held against a budget (position, velocity, acceleration).
     failures, known_gaps : int
         Scenes with a disagreement that no known gap accounts for; scenes with one that a gap accounts for.
@@ -124,7 +124,7 @@ class Cell:
 
     digits: Digits = field(default_factory=Digits)
     scenes: int = 0
-    judged: int = 0
+    compared: int = 0
     failures: int = 0
     known_gaps: int = 0
     worst: WorstSample | None = None
@@ -151,7 +151,7 @@ class Cell:
             "worst_over_allowed": self.worst.ratio if self.worst else None,
             "scenes": self.scenes,
             "samples": self.digits.samples,
-            "judged": self.judged,
+            "compared": self.compared,
             "failures": self.failures,
             "known_gaps": self.known_gaps,
             "worst": self.worst.described() if self.worst else None,
@@ -172,7 +172,7 @@ class MethodTotals:
     version: str
     scenes: int = 0
     times: int = 0
-    judged: int = 0
+    compared: int = 0
     unanswered: int = 0
     unanswered_by_sigma: Counter[int] = field(default_factory=Counter)
     seconds: float = 0.0
@@ -183,7 +183,7 @@ class MethodTotals:
         """Count one scene's answer; `sigma_decade` is that of the scene's smallest sigma_min."""
         self.scenes += 1
         self.times += answer.times
-        self.judged += answer.judged
+        self.compared += answer.compared
         self.unanswered += answer.missing
         if answer.missing and sigma_decade is not None:
             self.unanswered_by_sigma[sigma_decade] += answer.missing
@@ -209,10 +209,10 @@ class MethodTotals:
             **{key: value for key, value in vars(self.made).items() if key != "name"},
             "scenes": self.scenes,
             "configurations": self.times,
-            "judged": self.judged,
+            "compared": self.compared,
             "unanswered": self.unanswered,
             "granted": dict(self.granted),
-            "not_judged": self.times - self.judged - self.unanswered,
+            "not_compared": self.times - self.compared - self.unanswered,
             "unanswered_by_sigma": {str(d): n for d, n in sorted(self.unanswered_by_sigma.items())},
             **self.microseconds,
         }

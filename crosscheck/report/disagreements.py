@@ -155,7 +155,7 @@ def implied(record: Record) -> Iterator[Disagreement]:
         for name, q in answer.quantities.items():
             ratio = math.nan if q.ratio is None else q.ratio
             kind = Cause.BEYOND if ratio > 1.0 else Cause.NO_NUMBER
-            if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
+            if ratio > 1.0 or (answer.compared and math.isnan(ratio)):
                 who = {"engine": answer.engine, "method": answer.method.name, "quantity": name}
                 implied_ones.append(Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst))
     for row in record.levels:

@@ -106,7 +106,7 @@ class Summary:
             for name, compared in answer.quantities.items():
                 cell = self._cell(engine, method, name)
                 cell.add(compared.digits_by_sigma, place)
-                cell.judged += answer.judged
+                cell.compared += answer.compared
                 cell.meet(compared.ratio, place, compared.worst)
         for row in record.levels:
             cell = self._cell(row.engine, ROWS, _quantity(row.level))
@@ -236,7 +236,7 @@ class Summary:
             )
         bare: Counter[str] = Counter()
         for (engine, _, quantity), cell in self.cells.items():
-            bare[f"{engine} {quantity}"] += max(0, cell.judged - cell.digits.samples) if quantity in SOLVED else 0
+            bare[f"{engine} {quantity}"] += max(0, cell.compared - cell.digits.samples) if quantity in SOLVED else 0
         if bare.total():
             listed = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
             notes.append(f"compared configurations without a finite number of digits: {listed}")
@@ -311,4 +311,4 @@ def verdict(
     if mute:
         return ENGINE_MISSING, f"Required, and without an answer to any scene: {', '.join(mute)}"
     without = f"; not compared, because missing: {', '.join(missing)}" if missing else ""
-    return PASS, f"Every judged answer is within its derived budget, known gaps aside{without}"
+    return PASS, f"Every compared answer is within its derived budget, known gaps aside{without}"

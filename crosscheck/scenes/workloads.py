@@ -120,7 +120,7 @@ def system_of(work: FourBars, mechanisms: Any) -> System:
 
 
 @dataclass(frozen=True)
-class Piece:
+class AnswerPiece:
     """Some answers to a workload of four-bars, or of RSSRs.
 
     Attributes
@@ -138,17 +138,17 @@ class Piece:
     rows: Any
     levels: tuple[Any, ...]
 
-    def of(self, samples: Any) -> Piece:
+    def of(self, samples: Any) -> AnswerPiece:
         """Return some of the answers."""
-        return Piece(
+        return AnswerPiece(
             self.mechanisms[samples], self.times[samples], self.rows, tuple(x[:, samples] for x in self.levels)
         )
 
 
-def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> Piece:
+def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> AnswerPiece:
     """Return the answers of some mechanisms at all times as a piece; each level is (rows, M, T)."""
     count = len(work.t)
-    return Piece(
+    return AnswerPiece(
         np.repeat(mechanisms, count),
         np.tile(np.arange(count), len(mechanisms)),
         rows,
@@ -163,7 +163,7 @@ def chunks(work: FourBars) -> Iterator[Any]:
 
 
 @dataclass(frozen=True)
-class Chain:
+class LoopChain:
     """Four-bars side by side, each coupled to the next: the rocker of one is the crank of the next; at one time."""
 
     name: str
@@ -232,7 +232,7 @@ class Chain:
 
 
 SPACING = 1.5
-Workload = FourBars | SpatialLoops | Chain
+Workload = FourBars | SpatialLoops | LoopChain
 
 
 def names() -> tuple[str, ...]:
@@ -259,7 +259,7 @@ WORKLOADS: dict[str, Callable[[str], Workload]] = {
     "sweep-1000": partial(sweep, SWEEP),
     "many-10000x360": partial(many, mechanisms=MECHANISMS, times=TIMES, margin=MARGIN),
     "many-10000x360-any": partial(many, mechanisms=MECHANISMS, times=TIMES, margin=0.0),
-    **{f"chain-{n}": partial(Chain, windows=n) for n in WINDOWS},
+    **{f"chain-{n}": partial(LoopChain, windows=n) for n in WINDOWS},
     "rssr-1000": partial(one_rssr, times=SWEEP),
     "rssrs-100x72": partial(many_rssrs, mechanisms=100, times=72),
 }

@@ -44,7 +44,7 @@ class Timing:
 
 
 def timed_in_turns(
-    works: Mapping[str, Callable[[], object]],
+    workloads: Mapping[str, Callable[[], object]],
     *,
     rounds: int = ROUNDS,
     fewest: int = 1,
@@ -57,7 +57,7 @@ def timed_in_turns(
 
     Parameters
     ----------
-    works : mapping of str to callable
+    workloads : mapping of str to callable
         Each is called before it is timed.
     rounds : int
         How often each gets its turn.
@@ -73,14 +73,14 @@ def timed_in_turns(
         By what `within` is measured; by default the clock on the wall.
     """
     known = known or {}
-    repeats = {name: _repeats(work, at_least, known.get(name)) for name, work in works.items()}
-    turns: dict[str, list[float]] = {name: [] for name in works}
+    repeats = {name: _repeats(work, at_least, known.get(name)) for name, work in workloads.items()}
+    turns: dict[str, list[float]] = {name: [] for name in workloads}
     clock = clock or time.perf_counter
     end = clock() + within
     for k in range(rounds):
         if k >= fewest and clock() > end:
             break
-        for name, work in works.items():
+        for name, work in workloads.items():
             count, long = repeats[name]
             if not long:
                 work()

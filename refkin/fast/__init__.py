@@ -6,7 +6,7 @@
 `prepared`   a scene made ready for `attempt`, to be solved again and again
 `solve_many` many mechanisms of one topology, all at once
 `solve_large` one configuration of a mechanism with up to 100,000 coordinates
-`tape`       what `sweep` runs for a scene, to be printed; `legend` says what its numbers stand for
+`program_of`       what `sweep` runs for a scene, to be printed; `legend` says what its numbers stand for
 ============ =======================================================================================================
 
 All rest on the joints' own formulas. `sweep` and `solve_many` run them as a compiled program (`elimination`), which
@@ -14,7 +14,7 @@ reorders arithmetic and has sines of its own: so every pose is checked afterward
 """
 
 from refkin.fast.many import Many, Slice, solve_many
-from refkin.fast.prepare import legend, prepared, tape
+from refkin.fast.prepare import legend, prepared, program_of
 from refkin.fast.sparse import Large, SparseSystem, solve_large
 from refkin.fast.sweep import attempt, sweep
 
@@ -26,8 +26,8 @@ __all__ = [
     "attempt",
     "legend",
     "prepared",
+    "program_of",
     "solve_large",
     "solve_many",
     "sweep",
-    "tape",
 ]

@@ -277,10 +277,10 @@ class Block:
         Nor is one ok whose rates are not finite, or whose laws have no digits and of which nothing is proved.
         """
         q, highest = self.space.level(0), self.space.level(self.made.levels - 1)
-        told = laws_have_digits(self.system, t)
-        if self.proof is not None and not np.all(told):
-            told = told | np.isfinite(self.radii(t)[0])
-        self.codes[self.alive & ~(told & np.isfinite(np.add.reduce(highest)))] = code
+        digits = laws_have_digits(self.system, t)
+        if self.proof is not None and not np.all(digits):
+            digits = digits | np.isfinite(self.radii(t)[0])
+        self.codes[self.alive & ~(digits & np.isfinite(np.add.reduce(highest)))] = code
         self.residual = residual_of_rows(self.checked, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.fast.elimination.program import Answer, Single
+from refkin.fast.elimination.program import Single, StepAnswer
 from refkin.newton import contracts
 
 FAR = 1e-2
@@ -140,11 +140,11 @@ class March:
         near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
         return Pose(t, answer.levels, f, off, coefficients(last.levels, answer.levels, t - last.t)) if near else None
 
-    def accepts(self, answer: Answer) -> bool:
+    def accepts(self, answer: StepAnswer) -> bool:
         """Whether Newton converged to a regular pose with the branch's signs."""
         return _converged(answer.steps) and self._regular(answer)
 
-    def _regular(self, answer: Answer) -> bool:
+    def _regular(self, answer: StepAnswer) -> bool:
         """Whether no determinant has changed its sign, or is nearly 0."""
         for determinant, sign, pivot in zip(answer.determinants, self.signs, answer.pivots, strict=True):
             if not (determinant * sign > 0.0 and pivot > SMALLEST_PIVOT):
@@ -191,7 +191,7 @@ class March:
         fastest = max((abs(pose.laws[k]) for k in self.rates), default=0.0)
         return 0.99 * FURTHEST / fastest if fastest else math.inf
 
-    def _newton(self, f: Sequence[float], core: Sequence[float]) -> Answer | None:
+    def _newton(self, f: Sequence[float], core: Sequence[float]) -> StepAnswer | None:
         try:
             return self.single.advance(self.u, f, core, self.profile, MOST_NEWTON, ENOUGH)
         except (ArithmeticError, ValueError):  # a pivot of 0, an overflow, the sine of infinity

@@ -81,7 +81,7 @@ def prepared(scene: Scene) -> Prepared | None:
     return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)
 
 
-def tape(scene: Scene) -> Program:
+def program_of(scene: Scene) -> Program:
     """Return the program that `sweep` runs for a scene: `print` it, or ask for its `counts()`.
 
     Raises

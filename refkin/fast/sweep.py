@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.answer import motion
-from refkin.fast.elimination.program import Answer, Single
+from refkin.fast.elimination.program import Single, StepAnswer
 from refkin.fast.elimination.run import Workspace, block_samples
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose
 from refkin.fast.prepare import Prepared, prepared
@@ -111,7 +111,7 @@ class _Task:
         steps = unseen(self.system, t, q, loops=loops)
         return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
 
-    def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> Answer:
+    def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> StepAnswer:
         """Return what at most so many steps of Newton make of core coordinates, number by number."""
         whole = self.made.whole
         u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
@@ -162,7 +162,7 @@ class _Task:
         second = steps[1] if len(steps) > 1 else 0.0
         return q if off <= SMALL or NEAR * off * second <= steps[0] ** 2 else None
 
-    def _first(self, core: Sequence[float]) -> Answer | None:
+    def _first(self, core: Sequence[float]) -> StepAnswer | None:
         """Return what Newton makes of core coordinates at the first time; None where numbers fail."""
         try:
             return self._advanced(core, self._laws_at_first(self.made.whole), MOST_AT_FIRST)

@@ -55,18 +55,18 @@ class PointOnCurve:
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        w = Gap(g, f, i, j, s).w
+        w = Clearance(g, f, i, j, s).w
         return w.x, w.y
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Blocks:
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         arm, a_j, t = gap.arm, gap.a_j, gap.curve[1]
         return ((-1, 0, arm.y), (0, -1, -arm.x)), ((1, 0, -a_j.y), (0, 1, a_j.x)), ((-t.x,), (-t.y,))
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        bias = Gap(g, f, i, j, s).drift()
+        bias = Clearance(g, f, i, j, s).drift()
         return -bias.x, -bias.y
 
 
@@ -77,14 +77,14 @@ class FaceOnCurve:
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         n = j.turned(Vec(g[4], g[5]))
         return n.dot(gap.w), n.dot(gap.curve[1])
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Blocks:
         """Return the gradients of n . w and n . A t, by body i, body j and s."""
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         n = j.turned(Vec(g[4], g[5]))
         t, bend = gap.curve[1], gap.curve[2]
         block_i, block_j = _face_gradient(n, gap.w, gap.arm, gap.a_j)
@@ -93,7 +93,7 @@ class FaceOnCurve:
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         n, t = j.turned(Vec(g[4], g[5])), gap.curve[1]
         first = _face_gamma(n, gap.w, gap.rate(), gap.drift(), j.omega)
         return first, _face_gamma(n, t, gap.curve_rate(1), gap.curve_drift(1), j.omega)
@@ -106,14 +106,14 @@ class RollerOnCurve:
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         w = gap.w
         return w.dot(gap.curve[1]) * g[5], (w.dot(w) - g[4] * g[4]) * g[5] * 0.5
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Blocks:
         """Return the gradients of w . A t / rho and (w . w - rho^2) / (2 rho), by body i, body j and s."""
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         t, w = gap.curve[1] * g[5], gap.w * g[5]
         (x, y, phi), along_j = along(t, gap.arm, gap.a_j)
         across_i, across_j = along(w, gap.arm, gap.a_j)
@@ -123,13 +123,13 @@ class RollerOnCurve:
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        gap = Gap(g, f, i, j, s)
+        gap = Clearance(g, f, i, j, s)
         w, rate, bias = gap.w, gap.rate(), gap.drift()
         turning = bias.dot(gap.curve[1]) + rate.dot(gap.curve_rate(1)) * 2 + w.dot(gap.curve_drift(1))
         return turning * -g[5], (rate.dot(rate) + w.dot(bias)) * -g[5]
 
 
-class Gap:
+class Clearance:
     """The profile around its contact point, and what is missing from there to the follower's point, in ground axes.
 
     Attributes

@@ -35,11 +35,11 @@ from refkin.joints.spatial_elements import (
     TurnAboutAxis,
 )
 from refkin.joints.spatial_frames import across
-from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, Term, Thread, Turn, blocks_of
+from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, SpatialRows, Thread, Turn, blocks_of
 from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]
-Formed = dict[str, Term]
+Formed = dict[str, SpatialRows]
 """Terms that say the same by other rows in each form."""
 PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
 ON_AXIS: Formed = {"half": Guide("fi gi"), "dot": Guide("fi gi"), "printed": Crossed(gap=True)}
@@ -55,11 +55,11 @@ class SpatialConstraint(Constraint):
     """
 
     kind = SPACE
-    formulas: ClassVar[tuple[Term | Formed, ...]] = ()
+    formulas: ClassVar[tuple[SpatialRows | Formed, ...]] = ()
     consists_of: ClassVar[tuple[type[Element], ...]] = ()
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[SpatialRows, ...]:
         """What the rows consist of, in the constraint's form."""
         form = getattr(self, "form", "half")
         return tuple(term[form] if isinstance(term, dict) else term for term in self.formulas)
@@ -73,7 +73,7 @@ class SpatialConstraint(Constraint):
         return sum(e.rows for e in self.placed_elements) or self.rows
 
     @cached_property
-    def _placed(self) -> list[tuple[Term, slice]]:
+    def _placed(self) -> list[tuple[SpatialRows, slice]]:
         """The terms, and where each one's numbers stand in the geometry."""
         ends = [0]
         for term in self.terms:
@@ -182,7 +182,7 @@ class SpatialRevolute(OfLines):
     consists_of = (PointsMeet, AxesParallel)
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[SpatialRows, ...]:
         if self.form == "printed":
             return Crossed(), Crossed(gap=True, shifted=True), Span(shifted=True)
         return Meet(), PARALLEL[self.form]
@@ -292,14 +292,14 @@ class Perpendicular(OfAxes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfPoints(BetweenSpatialPoints):
+class OfAxisPoint(BetweenSpatialPoints):
     """What an axis of body i through a point of it says of a point of body j."""
 
     axis_i: Triple
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpatialPointOnLine(OfPoints):
+class SpatialPointOnLine(OfAxisPoint):
     """A point of body j stays on the line along `axis_i`."""
 
     type: Literal["point_on_line"] = "point_on_line"
@@ -308,7 +308,7 @@ class SpatialPointOnLine(OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointOnPlane(OfPoints):
+class PointOnPlane(OfAxisPoint):
     """A point of body j stays in the plane across `axis_i`: h_i . d = 0."""
 
     type: Literal["point_on_plane"] = "point_on_plane"

@@ -17,7 +17,7 @@ from refkin.joints.elements import GROUND, Triple
 from refkin.joints.spatial import BetweenSpatialPoints, SpatialConstraint, names_of
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
-from refkin.joints.spatial_terms import Angle, Count, Guide, Sine, Span
+from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, TurnCount
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class TurnDriver(DriverOfBodies):
     zero_i: Triple | None
     zero_j: Triple | None
     form: str
-    formulas = ({"half": Angle(), "dot": Sine(), "counted": Count()},)
+    formulas = ({"half": Angle(), "dot": Sine(), "counted": TurnCount()},)
     consists_of = (TurnAboutAxis,)
 
     @property

@@ -36,7 +36,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 AT_REST = (0, 0, 0)
 
 
-class Gap:
+class Separation:
     """What leads from one point to another, and how it moves."""
 
     def __init__(self, g: Any, i: SpatialValues, j: SpatialValues) -> None:
@@ -61,7 +61,7 @@ Row = tuple[tuple[Scalar, ...], ...]
 """One row of a Jacobian: a block for each body, and one for a coordinate of the joint's own."""
 
 
-class Term:
+class SpatialRows:
     """Some rows of a constraint; `size` numbers of its geometry are theirs."""
 
     rows = 1
@@ -79,7 +79,7 @@ class Term:
         return (0,) * self.rows
 
 
-class Meet(Term):
+class Meet(SpatialRows):
     """The points coincide."""
 
     rows, size = 3, 6
@@ -88,7 +88,7 @@ class Meet(Term):
         return points(c, unit)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        d: Vec3 = Gap(g, i, j).d
+        d: Vec3 = Separation(g, i, j).d
         return d.parts
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
@@ -100,7 +100,7 @@ class Meet(Term):
         return drift.parts
 
 
-class Across(Term):
+class Across(SpatialRows):
     """Vectors of body i are perpendicular to one of body j: names such as "fi gi" and "hj"."""
 
     def __init__(self, on_i: str, on_j: str) -> None:
@@ -131,7 +131,7 @@ def _second(a: Arm, b: Vec3, rate: Vec3, drift: Vec3) -> Scalar:
     return a.drift.dot(b) + 2 * a.rate.dot(rate) + a.at.dot(drift)
 
 
-class Guide(Term):
+class Guide(SpatialRows):
     """The other point stays in planes through this one: their normals are vectors of body i, "fi gi" or "hi".
 
     With a law it moves out of the plane by it.
@@ -148,31 +148,31 @@ class Guide(Term):
         return [i.arm(*g[k : k + 3]) for k in range(6, self.size, 3)]
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        d = Gap(g, i, j).d
+        d = Separation(g, i, j).d
         heights = tuple(n.at.dot(d) for n in self._arms(g, i))
         return (heights[0] - f[0][0],) if self.law else heights
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
-        gap = Gap(g, i, j)
+        gap = Separation(g, i, j)
         return [_guided(n, n.at, gap) for n in self._arms(g, i)]
 
     def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         return (f[0][1],) if self.law else (0,) * self.rows
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        gap = Gap(g, i, j)
+        gap = Separation(g, i, j)
         rows = tuple(-_second(n, gap.d, gap.rate, gap.drift) for n in self._arms(g, i))
         return (rows[0] + f[0][2],) if self.law else rows
 
 
-def _guided(n: Arm, direction: Vec3, gap: Gap, towards: Vec3 | None = None) -> Row:
+def _guided(n: Arm, direction: Vec3, gap: Separation, towards: Vec3 | None = None) -> Row:
     """Return the gradient of a product of a vector of body i and d: by d along `direction`, by the vector `towards`."""
     block_i, block_j = gap.slopes(direction)
     by_n = n.slope(gap.d if towards is None else towards)
     return (*block_i[:3], *(x + y for x, y in zip(block_i[3:], by_n, strict=True))), block_j
 
 
-class Crossed(Term):
+class Crossed(SpatialRows):
     """h_i x h_j = 0, or h_i x d = 0: three rows of which two are independent.
 
     `shifted`, d leads to a point at the joint's `spacing` from point j, along the axis there.
@@ -189,20 +189,20 @@ class Crossed(Term):
         return (*points(c, unit, c.scaled_spacing(unit) if self.shifted else None), *axes(c, "hi"))
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        other = Gap(g, i, j).d if self.gap else j.arm(*g[3:]).at
+        other = Separation(g, i, j).d if self.gap else j.arm(*g[3:]).at
         crossed: Vec3 = i.arm(*g[-3:] if self.gap else g[:3]).at.cross(other)
         return crossed.parts
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
         if self.gap:
-            gap, h = Gap(g, i, j), i.arm(*g[6:])
+            gap, h = Separation(g, i, j), i.arm(*g[6:])
             return [_guided(h, e.cross(h.at), gap, gap.d.cross(e)) for e in AXES]
         a, b = i.arm(*g[:3]), j.arm(*g[3:])
         return [((*AT_REST, *a.slope(b.at.cross(e))), (*AT_REST, *b.slope(e.cross(a.at)))) for e in AXES]
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        other = Gap(g, i, j) if self.gap else j.arm(*g[3:])
-        h, at = i.arm(*g[-3:] if self.gap else g[:3]), other.d if isinstance(other, Gap) else other.at
+        other = Separation(g, i, j) if self.gap else j.arm(*g[3:])
+        h, at = i.arm(*g[-3:] if self.gap else g[:3]), other.d if isinstance(other, Separation) else other.at
         bias: Vec3 = h.drift.cross(at) + h.rate.cross(other.rate) * 2 + h.at.cross(other.drift)
         return (-bias).parts
 
@@ -236,7 +236,7 @@ def _of_rates(g: Any, i: SpatialValues, j: SpatialValues) -> tuple[Quaternion, Q
     return ad.times(b) + a.times(bd), ad.times(bd)
 
 
-class Turn(Term):
+class Turn(SpatialRows):
     """Parts of the relative Euler parameters are zero: "12" keeps the axes in one direction, "3" the turn about it."""
 
     size = 8
@@ -275,7 +275,7 @@ def _turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) ->
     return rows
 
 
-class Angle(Term):
+class Angle(SpatialRows):
     """The turn about the axis is a law's, by half its value; or twice a coordinate of the joint's own (`counted`)."""
 
     size = 8
@@ -322,7 +322,7 @@ class Angle(Term):
         return (right,) if self.counted else (right + (e.v.z * s + e.a * c) * f[0][2],)
 
 
-class Count(Term):
+class TurnCount(SpatialRows):
     """The turn about the axis, turns counted, is a law's: 2 s - f = 0, s half the angle, a coordinate."""
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
@@ -338,7 +338,7 @@ class Count(Term):
         return (f[0][2],)
 
 
-class Sine(Term):
+class Sine(SpatialRows):
     """sin(theta - f) of a law f: g_i . f_j cos f - f_i . f_j sin f."""
 
     size = 9
@@ -372,7 +372,7 @@ class Sine(Term):
         return (turning + (y * s + x * c) * f[0][2] - bias,)
 
 
-class Thread(Term):
+class Thread(SpatialRows):
     """h_i . d - 2 pitch s - shift = 0, s half the angle."""
 
     size = 11
@@ -392,7 +392,7 @@ class Thread(Term):
         return self.guide.gamma(g[:9], f, i, j)
 
 
-class Span(Term):
+class Span(SpatialRows):
     """The points keep a distance L: (d . d - L^2) / (2 L), L the joint's; or (d . d - L^2) / 2 with L a law's.
 
     `shifted`, (d . d - L^2) / 2 with L the joint's `spacing`, and d to the point that far from point j along the axis.
@@ -410,19 +410,19 @@ class Span(Term):
         return (*points(c, unit), length, 1 / length)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        d, length = Gap(g, i, j).d, f[0][0] if self.law else g[6]
+        d, length = Separation(g, i, j).d, f[0][0] if self.law else g[6]
         off = (d.dot(d) - length * length) * 0.5
         return (off if self.law else off * g[7],)
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
-        gap = Gap(g, i, j)
+        gap = Separation(g, i, j)
         return [gap.slopes(gap.d if self.law else gap.d * g[7])]
 
     def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         return (f[0][0] * f[0][1],) if self.law else (0,)
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        gap = Gap(g, i, j)
+        gap = Separation(g, i, j)
         bias = gap.rate.dot(gap.rate) + gap.d.dot(gap.drift)
         return (f[0][1] * f[0][1] + f[0][0] * f[0][2] - bias if self.law else bias * -g[7],)
 

@@ -66,7 +66,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Link:
+class DrawnLink:
     """A massless link of space, or a cylinder, by the paths (d, T) of its ends: a `Part` would spin, or be rigid."""
 
     name: str
@@ -121,7 +121,7 @@ class Drawing:
         driven = (e for e in elements_of(scene.mechanism.constraints) if e.laws and isinstance(e, LINKS))
         elements = [*elements_of(scene.mechanism.joints), *driven]
         self._points = _points_of(scene, elements)
-        self.parts: list[Part | Link] = []
+        self.parts: list[Part | DrawnLink] = []
         self.parts += [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
         self.parts += [self._link(e) for e in elements if isinstance(e, LINKS)]
         self.curves = [Shape("curve", seen(self._path(point.body, point.position))) for point in scene.points]
@@ -144,10 +144,10 @@ class Drawing:
         """Return the path (2, T) or (3, T) of a point of a body [m]."""
         return point_motion(point, self._poses[body]).r
 
-    def _link(self, element: Element) -> Part | Link:
+    def _link(self, element: Element) -> Part | DrawnLink:
         first, last = (self._path(body, point) for body, point in element.ends)
         if self._kind is SPACE or element.laws:
-            return Link(element.name, (first, last))
+            return DrawnLink(element.name, (first, last))
         (xi, yi), (xj, yj) = first, last
         poses = np.array([xi, yi, np.unwrap(np.arctan2(yj - yi, xj - xi))])
         ends = np.array([[0.0, math.hypot(xj[0] - xi[0], yj[0] - yi[0])], [0.0, 0.0]])

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from refkin.joints import PLANE
-from refkin.output.drawing import Drawing, Link, Part
+from refkin.output.drawing import Drawing, DrawnLink, Part
 from refkin.output.spatial import Shape
 
 WIDTH, MARGIN, TALLEST = 640, 36, 720
@@ -137,7 +137,7 @@ def _moving(part: Part, sheet: _Sheet, frames: Sequence[int], timing: dict[str, 
     return group
 
 
-def _reshaped(part: Part | Link, sheet: _Sheet, frames: Sequence[int], timing: dict[str, str]) -> None:
+def _reshaped(part: Part | DrawnLink, sheet: _Sheet, frames: Sequence[int], timing: dict[str, str]) -> None:
     """Put a part of space on the page: its lines change, where those of the plane are moved and turned."""
     group = ET.SubElement(sheet.root, "g")
     ET.SubElement(group, "title").text = part.name

@@ -120,7 +120,7 @@ def of_workloads(shake: Shake) -> Any:
     ulp = math.nextafter(1.0, 2.0) if shake is shaken else 1.0
     bars = works.many("bars", 5, 24, works.MARGIN)
     bars = replace(bars, lengths=bars.lengths * ulp)
-    loops, chain = many_rssrs("loops", 2, 5), works.Chain("chain", 3)
+    loops, chain = many_rssrs("loops", 2, 5), works.LoopChain("chain", 3)
     exact = [np.array(level, float) for level in four_bar(bars.lengths[:, :, None], works.SPEED * bars.t)]
     wave = np.cos(np.arange(exact[0].size)).reshape(exact[0].shape)
     sparse = workloads.sparse_system(chain)
@@ -158,7 +158,7 @@ def benched(bars: Any, pieces: Any) -> Any:
     """Return the rows of a bench whose timings are made up."""
 
     def batch(work: Any, order: int, most: int = 2, count: int = 40) -> Batch:
-        if order > most or isinstance(work, works.Chain):
+        if order > most or isinstance(work, works.LoopChain):
             raise EngineError(f"it takes no more than {most}")
         return Batch(lambda: None, count, lambda: pieces[3 * order], "" if order else "positions")
 
@@ -172,7 +172,7 @@ def benched(bars: Any, pieces: Any) -> Any:
     ]
     timed = lambda runs, **_: {name: Timing(1e-3 * (k + 1), 0.1 * k) for k, name in enumerate(runs)}  # noqa: E731
     with patch.object(bench, "timed_in_turns", timed):
-        parts = [bench.measured(work, listed=listed) for work in (bars, works.Chain("chain", 3))]
+        parts = [bench.measured(work, listed=listed) for work in (bars, works.LoopChain("chain", 3))]
     whole = bench.merged(parts)
     return [whole["rows"], whole["absent"], [bench.key_of(row) for row in whole["rows"]], sorted(whole["machine"])]
 

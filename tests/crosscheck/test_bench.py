@@ -30,7 +30,7 @@ from crosscheck.measure import bench as measure
 from crosscheck.measure.bench import _entries, key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import Piece, system_of, unit_of
+from crosscheck.scenes.workloads import AnswerPiece, system_of, unit_of
 from crosscheck.workers.timing import Timing
 from refkin.solving import limits
 from refkin.system import compile_system
@@ -62,14 +62,14 @@ def few():
 
 
 def short():
-    return works.Chain("chain-10", 3)
+    return works.LoopChain("chain-10", 3)
 
 
 def there(producer):
     """Whether the packages of a producer are on this machine."""
     if producer == "c":
         return COMPILER
-    return FAST if producer == "refkin-lanes" else ENGINES.get(producer, True)
+    return FAST if producer == "refkin-batch" else ENGINES.get(producer, True)
 
 
 @pytest.fixture(scope="module")
@@ -152,11 +152,11 @@ def test_the_margin_is_a_part_of_the_longest_length_and_the_other_work_has_none(
         assert low < part.min() < low + 0.01
 
 
-@pytest.mark.parametrize("lane", range(3))
-def test_the_truth_is_what_the_reference_finds(lane):
+@pytest.mark.parametrize("sample", range(3))
+def test_the_truth_is_what_the_reference_finds(sample):
     work = few()
-    motion = refkin.solve(work.scene(lane))
-    truth = four_bar(work.lengths[:, lane, None].astype(np.longdouble), work.t.astype(np.longdouble))
+    motion = refkin.solve(work.scene(sample))
+    truth = four_bar(work.lengths[:, sample, None].astype(np.longdouble), work.t.astype(np.longdouble))
 
     for order, (exact, item) in enumerate(zip(truth, motion.levels, strict=True)):
         error = exact - item
@@ -176,20 +176,20 @@ def test_the_truth_of_a_chain_is_what_the_reference_finds():
 
 def test_equations_of_many_mechanisms_are_those_of_each():
     work = few()
-    lanes = np.arange(work.mechanisms)
+    samples = np.arange(work.mechanisms)
     q = np.random.default_rng(0).normal(size=(9, work.mechanisms))
-    together = system_of(work, lanes).phi(q, np.full(work.mechanisms, 0.3))
+    together = system_of(work, samples).phi(q, np.full(work.mechanisms, 0.3))
 
-    for lane in lanes:
-        mechanism = work.scene(lane).mechanism
-        alone = compile_system(mechanism, unit=mechanism.unit()).phi(q[:, lane], 0.3)
-        assert np.allclose(together[:, lane], alone, rtol=0.0, atol=1e-15)
+    for sample in samples:
+        mechanism = work.scene(sample).mechanism
+        alone = compile_system(mechanism, unit=mechanism.unit()).phi(q[:, sample], 0.3)
+        assert np.allclose(together[:, sample], alone, rtol=0.0, atol=1e-15)
 
 
 def answers(work, levels):
-    lanes = np.arange(work.mechanisms)
+    samples = np.arange(work.mechanisms)
     times = np.arange(len(work.t))
-    return Piece(np.repeat(lanes, len(times)), np.tile(times, len(lanes)), range(9), levels)
+    return AnswerPiece(np.repeat(samples, len(times)), np.tile(times, len(samples)), range(9), levels)
 
 
 def right(work):
@@ -273,7 +273,7 @@ def test_a_row_says_what_one_configuration_costs_and_of_how_many_how_much_was_ju
     row = measure.row(work, method("numpy", "closed form"), batch, Timing(2e-6, 0.25))
 
     assert row["nanoseconds_per_configuration"] == pytest.approx(50.0)
-    assert (row["spread"], row["timed"], row["judged"], row["unjudged"]) == (0.25, 40, work.configurations, 0)
+    assert (row["spread"], row["timed"], row["compared"], row["uncompared"]) == (0.25, 40, work.configurations, 0)
     assert row["ranked"]
     assert row["note"].endswith("of the batch")
 
@@ -334,8 +334,8 @@ def right_rows():
             "newton_by": "",
             "note": "",
             "timed": 1,
-            "judged": 1,
-            "unjudged": 0,
+            "compared": 1,
+            "uncompared": 0,
         }
     ]
 
@@ -381,14 +381,14 @@ def test_what_the_compiler_refuses_is_absent_with_its_reason(monkeypatch):
 
 
 def test_without_the_fast_paths_their_methods_are_absent(monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("crosscheck.engines.ours.lanes")]:
+    for name in [name for name in sys.modules if name.startswith("crosscheck.engines.ours.batch")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "refkin.fast", None)
     monkeypatch.setitem(sys.modules, "refkin.fast.prepare", None)
 
-    results = measure.measured(tiny(), ["refkin-lanes", "c", "numpy"], rounds=1)
+    results = measure.measured(tiny(), ["refkin-batch", "c", "numpy"], rounds=1)
 
-    assert {a["engine"] for a in results["absent"]} >= {"refkin-lanes"}
+    assert {a["engine"] for a in results["absent"]} >= {"refkin-batch"}
     assert "same program" in [a["method"] for a in results["absent"]]
     assert "numpy" in [row["engine"] for row in results["rows"]]
 
@@ -409,7 +409,7 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     """By the price of all that a method computes, not of positions alone."""
     row = right_rows()[0] | {"computes": ["position", "velocity"]}
     times = {
-        ("refkin-lanes", "all times at once", "no evidence"): 200.0,
+        ("refkin-batch", "all times at once", "no evidence"): 200.0,
         ("c", "dense Newton", ""): 800.0,
         ("c", "same program", ""): 100.0,
         ("mujoco", "batch", ""): 6000.0,
@@ -421,7 +421,7 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     text = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
 
     claim = (
-        "refkin-lanes, all times at once takes 2 times the same operations compiled as C, 0.25 times dense Newton in "
+        "refkin-batch, all times at once takes 2 times the same operations compiled as C, 0.25 times dense Newton in "
         "C, 0.0333 times mujoco, batch, the fastest engine."
     )
     assert claim in text

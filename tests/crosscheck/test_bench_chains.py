@@ -17,7 +17,7 @@ from crosscheck.judge.workloads import allowed, of_chain, residual_error, sparse
 from crosscheck.scenes import workloads as works
 
 FAST = importlib.util.find_spec("refkin.fast") is not None
-WORK = works.Chain("chain-10", 3)
+WORK = works.LoopChain("chain-10", 3)
 
 
 def sparse():
@@ -75,7 +75,7 @@ def test_nan_is_not_ranked():
 
 
 LONG = {
-    ("refkin-lanes", "all times at once", "no evidence"): 100,
+    ("refkin-batch", "all times at once", "no evidence"): 100,
     ("refkin", "Newton iteration, dense", ""): 100,
     ("c", "same program", ""): 100,
     ("c", "dense Newton", ""): 1000,
@@ -84,7 +84,7 @@ LONG = {
 
 @pytest.mark.parametrize("key", LONG, ids=", ".join)
 def test_a_chain_that_is_too_long_for_a_method_is_refused_with_the_reason(key):
-    long = works.Chain("chain-10000", LONG[key] + 1)
+    long = works.LoopChain("chain-10000", LONG[key] + 1)
 
     with pytest.raises(EngineError, match=f"not for more than {LONG[key]} loops: .+"):
         method(*key).batched(long, 0)

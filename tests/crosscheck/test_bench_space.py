@@ -57,7 +57,7 @@ def test_the_best_method_of_each_engine_in_space_is_a_ranked_row(engine, make):
     results = measure.measured(make(), rounds=1, listed=listed)
 
     assert [len(row["computes"]) for row in results["rows"]] == [3, 1]
-    assert all(row["ranked"] and row["judged"] == make().configurations for row in results["rows"])
+    assert all(row["ranked"] and row["compared"] == make().configurations for row in results["rows"])
     assert {row["newton_by"] for row in results["rows"]} == {"exudyn" if engine == "exudyn" else "the adapter"}
 
 
@@ -66,13 +66,13 @@ def test_the_fast_path_answers_many_rssrs_in_turn_by_one_program_and_says_so():
     from refkin.fast import prepared
 
     work = few()
-    (row, _) = measure.measured(work, rounds=1, listed=[method("refkin-lanes", "all times at once", "no evidence")])[
+    (row, _) = measure.measured(work, rounds=1, listed=[method("refkin-batch", "all times at once", "no evidence")])[
         "rows"
     ]
     one, other = (prepared(work.scene(k)).made for k in range(2))
 
     assert row["ranked"]
-    assert (row["timed"], row["judged"]) == (16, 16)
+    assert (row["timed"], row["compared"]) == (16, 16)
     assert "one program for all of them with the numbers of each" in row["note"]
     assert one is other
 
@@ -82,7 +82,7 @@ def test_the_fast_path_answers_many_rssrs_in_turn_by_one_program_and_says_so():
     [
         ("c", "dense Newton"),
         ("numpy", "closed form"),
-        ("refkin-lanes", "sparse"),
+        ("refkin-batch", "sparse"),
         ("mujoco", "mujoco.batch, all times"),
     ],
 )
@@ -100,7 +100,7 @@ def test_what_is_measured_in_space_alone_refuses_the_plane(engine):
     pytest.importorskip(engine)
     (found,) = (m for m in methods(engine, Use.BENCH) if m.name == IN_SPACE[engine])
 
-    for work in (works.sweep(8), works.Chain("chain-10", 3)):
+    for work in (works.sweep(8), works.LoopChain("chain-10", 3)):
         with pytest.raises(EngineError, match="workloads of space"):
             found.batched(work, 2)
 
@@ -129,7 +129,7 @@ def test_every_time_without_a_proof_of_the_truth_is_counted_as_unjudged(solved, 
     unproved = replace(ref, motion=replace(ref.motion, certified_radius=radius))
     monkeypatch.setattr(workloads, "_certified", lambda *_: unproved)
 
-    assert judged(solved[0]).unjudged == 5
+    assert judged(solved[0]).uncompared == 5
 
 
 def test_an_answer_that_is_missing_in_space_is_no_rank(solved):

@@ -25,11 +25,11 @@ PLANTED = 10.0
 @cache
 def references():
     values = [reference(draw(NIGHT, number, SAMPLES).scene) for number in range(SCENES)]
-    return [ref for ref in values if ref.budget().judged.any()]
+    return [ref for ref in values if ref.budget().compared.any()]
 
 
-def lanes(ref):
-    return [k for k in range(SAMPLES) if ref.budget().judged[k]]
+def samples(ref):
+    return [k for k in range(SAMPLES) if ref.budget().compared[k]]
 
 
 @cache
@@ -40,10 +40,10 @@ def sharp():
 
 def seen(ref, quantity: str, sensitivities: float) -> bool:
     """Whether an answer that is right but for one quantity, off by so many times the sensitivity, is found out."""
-    lanes = np.flatnonzero(ref.budget().judged)
+    samples = np.flatnonzero(ref.budget().compared)
     order = QUANTITIES.index(quantity)
     off = np.zeros_like(ref.levels[order])
-    off[:, lanes] = sensitivities * input_sensitivity(ref, lanes)[order]
+    off[:, samples] = sensitivities * input_sensitivity(ref, samples)[order]
     off = ref.system.to_physical(off, 1)[: ref.system.of_bodies]  # as a rate: a difference has no origin
     key = ("q", "qd", "qdd")[order]
     return not compare(ref, replace(ref.motion, **{key: getattr(ref.motion, key) + off})).agrees
@@ -53,7 +53,7 @@ def seen(ref, quantity: str, sensitivities: float) -> bool:
 def test_a_budget_allows_a_small_multiple_of_the_sensitivity(quantity):
     assert np.median(sharp()[quantity]) < MEDIAN
     large = [len(m.bodies) > 7 or m.kind.name == "spatial" for m in (ref.scene.mechanism for ref in references())]
-    trees = np.array([one for one, ref in zip(large, references(), strict=True) for _ in lanes(ref)])
+    trees = np.array([one for one, ref in zip(large, references(), strict=True) for _ in samples(ref)])
     assert np.max(sharp()[quantity][~trees]) < LARGEST
     assert np.max(sharp()[quantity][trees]) < LARGEST_OF_TREES
 

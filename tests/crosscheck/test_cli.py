@@ -46,7 +46,7 @@ def nightly(command):
     return run
 
 
-@pytest.mark.parametrize("asked", ["solve", "replay", "mobility", "tape"])
+@pytest.mark.parametrize("asked", ["solve", "replay", "mobility", "program"])
 def test_names_that_look_like_markup_of_a_terminal_are_shown_as_they_are(asked, command, tmp_path):
     scene = tmp_path / "scene.toml"
     text = GOOD.read_text(encoding="utf-8")
@@ -54,7 +54,7 @@ def test_names_that_look_like_markup_of_a_terminal_are_shown_as_they_are(asked, 
     process = command(asked, scene)
 
     assert process.returncode == 0, process.stderr
-    assert asked in ("mobility", "tape") or "[/" in process.stdout
+    assert asked in ("mobility", "program") or "[/" in process.stdout
 
 
 def night(out: Path, *more: Any, scenes: int | None = 3) -> list[Any]:
@@ -253,7 +253,7 @@ def test_a_log_shows_no_bar(tmp_path, nightly):
     assert process.stderr.splitlines() == [
         "measuring pictures and documents",
         "2 scenes checked, 0 new and 0 known disagreements",
-        "pass: Every judged answer is within its derived budget, known gaps aside",
+        "pass: Every compared answer is within its derived budget, known gaps aside",
         f"report: {tmp_path / 'index.html'}",
     ]
 

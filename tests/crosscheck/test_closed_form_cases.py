@@ -16,7 +16,7 @@ from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.assemble import Assembly, LocusRow
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
-from crosscheck.engines.closed_form.linkage import Circle, JetPose, Line, line_and_circle
+from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLocus, line_and_circle
 from crosscheck.engines.closed_form.solution import PART, _gaps, _moves, lost_after
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
@@ -104,7 +104,7 @@ def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign, away):
 def nearer(angle, seen, chord=0.5 - 0.25j, locus=None):
     """Which assembly is nearer an estimate that sees a point there, from the centre of the circle it is on."""
     meeting = SimpleNamespace(foot=planar(1.0 + 2.0j), chord=chord and planar(chord))
-    row = LocusRow(locus or Circle(planar(-0.5 + 0.25j), Jet(1.0)), seen, "rod")
+    row = LocusRow(locus or CircleLocus(planar(-0.5 + 0.25j), Jet(1.0)), seen, "rod")
     return Assembly._nearer(SimpleNamespace(_angle_estimate=lambda group: angle), None, meeting, (None, row))
 
 
@@ -113,7 +113,7 @@ def test_the_nearer_assembly_is_the_one_on_whose_side_the_estimate_is_however_it
     for angle, part in product((0.0, 0.7, -2.0), (0.6, -0.6)):
         seen = (middle + (part + 0.5j) * chord) * cmath.rect(1.0, angle)
         assert nearer(angle, seen) == math.copysign(1.0, part)
-        line = Line(planar(1.0 + 0.0j), Jet(0.0))
+        line = LineLocus(planar(1.0 + 0.0j), Jet(0.0))
         nothing = nearer(None, seen), nearer(angle, None), nearer(angle, seen, None), nearer(angle, seen, locus=line)
         assert (*nothing, nearer(angle, seen * math.nan)) == (0.0,) * 5
     assert nearer(0.0, middle + 0.5j * chord) == 0.0
@@ -471,8 +471,10 @@ def test_a_line_touches_a_circle_as_far_as_their_places_are_rounded_and_not_fart
         return Jet(np.array([value]), np.array([0.0]), np.array([0.0]))
 
     for off, touches in ((0.0, True), (0.5 * arithmetic.zero * scale, True), (4.0 * arithmetic.zero * scale, False)):
-        line = Line(Planar(constant(1.0), constant(0.0)), constant(far + side * (0.5 - off)))
+        line = LineLocus(Planar(constant(1.0), constant(0.0)), constant(far + side * (0.5 - off)))
         with np.errstate(invalid="ignore"):  # there is no rate where they touch
-            meeting = line_and_circle(line, Circle(Planar(constant(far), constant(0.0)), constant(0.5)), arithmetic)
+            meeting = line_and_circle(
+                line, CircleLocus(Planar(constant(far), constant(0.0)), constant(0.5)), arithmetic
+            )
 
         assert (meeting.singular.item(), meeting.absent.item()) == (touches, False), off

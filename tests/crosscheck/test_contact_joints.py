@@ -28,7 +28,7 @@ def test_a_budget_is_derived_and_the_answer_itself_is_within_it(name):
     budget = ref.budget()
 
     assert compare(ref, ref.motion).agrees
-    assert budget.judged.all()
+    assert budget.compared.all()
     assert np.isfinite(budget.levels).all()
 
 

@@ -188,8 +188,8 @@ def test_an_engine_that_simulates_nothing_is_told_to_have_none(tmp_path):
 def bitwise(effect, nudge):
     """Return refkin's rows where the answer with one effect is nudged."""
     result = of_refkin()
-    plain = result.works[effect]
-    return rows(replace(result, works={**result.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
+    plain = result.runs[effect]
+    return rows(replace(result, runs={**result.runs, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
 
 
 def test_one_bit_that_an_uncalled_effect_changes_in_refkin_is_named():

@@ -123,7 +123,7 @@ def test_bodies_that_nothing_drives_or_moves_are_placed(pinned):
     record = check(scene, ENGINES[:2] if pinned else ENGINES)
 
     assert [str(seen) for seen in record.disagreements] == []
-    assert {(a.judged, a.missing) for a in record.answers} == {(2, 0)}
+    assert {(a.compared, a.missing) for a in record.answers} == {(2, 0)}
 
 
 def test_two_solves_give_the_same_bits(engine):

@@ -211,7 +211,7 @@ def assert_answered(scene: Scene, refused: set[str]) -> None:
     assert record.reference.verdict == Status.OK
     assert [str(seen) for seen in record.disagreements] == []
     assert {answer.engine for answer in record.answers} == {*ENGINES} - refused
-    assert {answer.judged for answer in record.answers} == {len(scene.times)}
+    assert {answer.compared for answer in record.answers} == {len(scene.times)}
     assert {seen.engine for seen in record.refusals if seen.level in ("", "solve")} == refused
 
 

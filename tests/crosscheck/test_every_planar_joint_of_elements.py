@@ -184,4 +184,4 @@ def test_a_joint_of_any_planar_elements_is_solved_and_answered_by_every_engine_t
     seen = [d for d in record.disagreements if not (redundant and (d.method, d.quantity) == ("shipped", "status"))]
     assert [str(d) for d in seen] == []
     assert {answer.engine for answer in record.answers} - {"closed_form"} == {*ENGINES[:4]} - refused
-    assert {answer.judged for answer in record.answers if not (redundant and answer.method.name == "shipped")} == {2}
+    assert {answer.compared for answer in record.answers if not (redundant and answer.method.name == "shipped")} == {2}

@@ -158,7 +158,7 @@ def test_every_engine_that_has_its_elements_answers_and_agrees(engine, first):
     record = check(slider_crank(first=first), [engine])
 
     assert list(record.disagreements) == []
-    assert {answer.judged for answer in record.answers} == {7}
+    assert {answer.compared for answer in record.answers} == {7}
     assert bool(record.levels) == (engine in OWN_ROWS)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import ELEMENTS, NATIVE, Level, Term
-from crosscheck.engines.frames import Length, Linear, RowMap, Sine
+from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
 from crosscheck.judge import delivery, hard_poses
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, compare, reference
@@ -119,7 +119,7 @@ class Rows:
     def __init__(self, at: Configuration) -> None:
         self.ours = at.in_form("")[1]
         far = 4.0 * max(1.0, *np.abs(self.ours["x"][0]).tolist())
-        forms, factors = cycle((Linear(), Length(length=far), Sine())), cycle((1.0, -2.0, 0.5, 3.0))
+        forms, factors = cycle((Linear(), Length(length=far), SineRow())), cycle((1.0, -2.0, 0.5, 3.0))
         first, last = {p.constraint.name: p.row for p in at.system.placed}, at.system.m - 1
         places = [(e.name, e.row + k) for e in elements_of(at.mechanism.constraints) for k in range(e.rows)]
         of_places = ({"constraint": name, "row": k, "engine_row": last - first[name] - k} for name, k in places)
@@ -203,7 +203,7 @@ def unplaced(scene: Scene) -> Scene:
 
 def budget(ref: Reference, terms: Any) -> Any:
     allowed = ref.budget(terms)
-    return [allowed.judged, [summed(level) for level in allowed.levels]]
+    return [allowed.compared, [summed(level) for level in allowed.levels]]
 
 
 def compared(ref: Reference, motion: Motion, terms: Any, at: Any = slice(None)) -> Any:
@@ -217,7 +217,7 @@ def compared(ref: Reference, motion: Motion, terms: Any, at: Any = slice(None)) 
         if isinstance(at, slice)
         else {}
     )
-    return [numbers, kept, result.missing, result.judged, result.other_assembly, result.first_missing, result.agrees]
+    return [numbers, kept, result.missing, result.compared, result.other_assembly, result.first_missing, result.agrees]
 
 
 def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
@@ -231,7 +231,7 @@ def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
         *wrong_way,
     ]
     terms = (*TERMS[1], *TERMS[2], Term(name="stopping rule", level="position", reason="", absolute=1e-8), *IN_FORM)
-    judged = np.flatnonzero(ref.budget().judged)
+    judged = np.flatnonzero(ref.budget().compared)
     broken = [violations(ref, off, order, off.t[k]) for k in judged[:1] for order in range(3)]
     allowed, undocumented = delivery.granted(engine, scene, terms)
     cut = replace(few, t=few.t + 1.0, status=few.status[1:], q=few.q[1:], bodies=("nobody", *few.bodies[1:]))

@@ -10,7 +10,7 @@ from flint import arb, ctx
 from pydantic import TypeAdapter, ValidationError
 
 from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
-from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot, Undecided, count_roots, excludes_zero
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Binary64, NoRoot, Undecided, count_roots, excludes_zero
 from crosscheck.documents.ledger.rows import Erratum, Ledger, Value, Written, correct_digits
 from crosscheck.documents.systems import me451, me581
 
@@ -164,7 +164,7 @@ def test_an_unknown_key_in_the_ledger_is_an_error():
 
 
 def test_balls_prove_a_root_to_their_precision():
-    n = Balls(256)
+    n = ArbNumbers(256)
     with n.at_precision():
         (root,) = n.root(me581.quadratic(), n.vector(["4"]))
 
@@ -173,7 +173,7 @@ def test_balls_prove_a_root_to_their_precision():
 
 
 def test_balls_prove_no_root_where_there_is_none():
-    n = Balls(113)
+    n = ArbNumbers(113)
     with n.at_precision(), pytest.raises(NoRoot):
         n.root(me451.square(4), n.vector(["1.5"]))
 

@@ -13,7 +13,7 @@ import pytest
 
 from crosscheck.engines import EngineError, poses
 from crosscheck.engines import march as continuation
-from crosscheck.engines.march import March, march
+from crosscheck.engines.march import MarchResult, march
 from crosscheck.engines.poses import EPS, Poses, close, extrema, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute, elements_of
@@ -102,7 +102,7 @@ def two_tracks() -> Toy:
     )
 
 
-def run(toy: Toy, times: Any, order: int = 0) -> March:
+def run(toy: Toy, times: Any, order: int = 0) -> MarchResult:
     return march(toy.equations, np.array(toy.start), tuple(float(t) for t in times), order)
 
 

@@ -13,7 +13,7 @@ from crosscheck.documents import loops
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
 from crosscheck.engines import vector_loop
 from crosscheck.engines.march import connected
-from crosscheck.engines.vector_loop.vectors import Variable, Vector
+from crosscheck.engines.vector_loop.vectors import LoopVector, Variable
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import newton
@@ -58,11 +58,11 @@ def geared() -> vector_loop.LoopSystem:
     first, second, third = (Variable(unknown=name) for name in ("a", "b", "c"))
     turned = Variable(0.3, laws=((1.0, LAW),))
     loop = (
-        Vector(1.0, angle=turned),
-        Vector(1.4, angle=first),
-        Vector(-1.5, angle=second),
-        Vector(-1.1, angle=third),
-        Vector(-2.0),
+        LoopVector(1.0, angle=turned),
+        LoopVector(1.4, angle=first),
+        LoopVector(-1.5, angle=second),
+        LoopVector(-1.1, angle=third),
+        LoopVector(-2.0),
     )
     return vector_loop.LoopSystem(
         ("a", "b", "c"), [loop], [vector_loop.AngleRelation(((0.5, third), (0.8, turned)), 0.25)]

@@ -245,7 +245,7 @@ def test_bodies_without_an_estimate_are_named(producer):
     lost = replace(SCENE, mechanism=replace(SCENE.mechanism, bodies=bodies))
     reasons = refused(producer, lost).values()
 
-    assert any("estimate" in reason and "crank" in reason for reason in reasons) or producer == "refkin-lanes"
+    assert any("estimate" in reason and "crank" in reason for reason in reasons) or producer == "refkin-batch"
 
 
 def test_a_producer_that_is_not_there_is_named():

@@ -72,7 +72,7 @@ def sampled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, dict[Any, An
                 for decade, digits in samples.items():
                     raw.setdefault((engine, name, decade), []).extend(digits)
                 fields[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), At("crank.x", float(k)))
-            answers.append(answer(engine, fields, judged=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
+            answers.append(answer(engine, fields, compared=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
         levels = [level("mujoco", "drift", draw.uniform(10, 17, 2)), level("mujoco", "jacobian", [15.0, 16.0], 0.75)]
         records.append(record(f"{k:04x}", *answers, levels=levels))
     folder = write(tmp_path_factory.mktemp("run"), *records)
@@ -296,7 +296,7 @@ def test_scenes_without_an_answer_and_without_a_result_are_counted_and_no_scene_
 
 @pytest.mark.parametrize(
     ("answer", "note"),
-    [(good_answer("mujoco", version="0.9"), "0.9"), (good_answer("mujoco", judged=6), "mujoco position 2")],
+    [(good_answer("mujoco", version="0.9"), "0.9"), (good_answer("mujoco", compared=6), "mujoco position 2")],
     ids=["another version than the run names", "judged without digits"],
 )
 def test_what_does_not_fit_is_noted(tmp_path: Path, answer: Any, note: str) -> None:
@@ -473,7 +473,7 @@ def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> No
 
     (result, *_) = plain(real)["answers"]
     cell = report["engines"]["closed_form"][result["method"]["name"]]["position"]
-    assert (result["quantities"]["position"]["ratio"], result["judged"]) == (
+    assert (result["quantities"]["position"]["ratio"], result["compared"]) == (
         cell["worst_over_allowed"],
         cell["samples"],
     )

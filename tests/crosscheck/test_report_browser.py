@@ -233,7 +233,7 @@ def test_focus_on_a_mark_shows_its_pose(opened: Any) -> None:
     for k in range(marks.count()):
         marks.nth(k).focus()
         pose = at.page.locator("#pose-truth > g").first.get_attribute("transform")
-        seen.append((at.text("#pose-told"), pose))
+        seen.append((at.text("#pose-summary"), pose))
         label = marks.nth(k).get_attribute("aria-label")
 
         assert label.split(":")[0] == seen[-1][0].split(",")[0]
@@ -256,10 +256,10 @@ def test_ghost_stands_where_the_report_says(opened: Any, folder: Path) -> None:
 def test_pointing_at_a_mark_shows_its_pose(opened: Any) -> None:
     at = opened()
     mark = at.page.locator("[data-pose]").last
-    before = at.text("#pose-told")
+    before = at.text("#pose-summary")
     mark.hover()
 
-    assert at.text("#pose-told") != before
+    assert at.text("#pose-summary") != before
     assert mark.get_attribute("data-shown") == ""
 
 
@@ -297,7 +297,7 @@ def test_played_the_engine_s_answer_moves_beside_the_reference_with_its_error_at
     moved = "t => document.querySelector('#pose-ghost > g:nth-child(2)').getAttribute('transform') !== t"
     at.page.wait_for_function(moved, arg=still)
 
-    assert "over the cycle; error drawn ×" in at.text("#pose-told")
+    assert "over the cycle; error drawn ×" in at.text("#pose-summary")
     at.page.locator("#pose-play").click()
     assert at.page.locator("#pose-ghost > g").nth(1).get_attribute("transform") == still
 

@@ -98,7 +98,7 @@ def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
     gear = {"joint": "gear", "name": "A", "level": "solve"}
     refusals = [{"engine": "mujoco", "reason": text, **gear}, {"engine": text, "reason": text}]
     first = record("a", nasty, good_answer("pinocchio"), about=about, scene=text, disagreements=rows, refusals=refusals)
-    second = record("b", good_answer("mujoco", missing=1, judged=3), levels=levels, disagreements=rows[:1])
+    second = record("b", good_answer("mujoco", missing=1, compared=3), levels=levels, disagreements=rows[:1])
     lost = {**failed_record("c"), "failure": text}
     write(folder, {**first, "levels": levels}, second, lost, missing={"exudyn": text})
     (folder / "disagreements").mkdir()
@@ -255,7 +255,7 @@ def test_level_nobody_answered_reads_no_answer(rich: Any) -> None:
 
 
 def test_answer_without_samples_reads_no_answer_and_not_zero(tmp_path: Path) -> None:
-    silent = answer("mujoco", {"position": quantity({}, None, "")}, missing=4, judged=0)
+    silent = answer("mujoco", {"position": quantity({}, None, "")}, missing=4, compared=0)
     rows = glance_rows(page_of(write(tmp_path, record("a", silent))))
 
     assert rows["Position", "mujoco · newton"][:4] == ["no answer"] * 4
@@ -311,7 +311,7 @@ def test_file_outside_the_folder_is_not_shown(tmp_path: Path) -> None:
 def test_digits_figure_has_one_mark_per_bin_and_line(tmp_path: Path) -> None:
     near = {name: quantity({-5: [9.0, 10.0], -1: [15.0]}) for name in QUANTITIES}
     far = {name: quantity({0: [16.0]}) for name in QUANTITIES}
-    page = page_of(write(tmp_path, record("a", answer("exudyn", near, judged=3), answer("mujoco", far, judged=1))))
+    page = page_of(write(tmp_path, record("a", answer("exudyn", near, compared=3), answer("mujoco", far, compared=1))))
     marks = [n for n in page.all("g") if "data-mark" in n.attributes]
     digits = [n for n in marks if "digits-" in (n.parents[-1].attributes["aria-labelledby"] or "")]
 

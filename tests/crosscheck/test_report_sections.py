@@ -466,10 +466,10 @@ def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_scree
 
 
 ANSWERED = [
-    {"times": 4, "judged": 3, "missing": 1, "seconds": 4e-6 * 10**2.005, "granted": {"stopping rule": 2e-9}},
-    {"times": 10, "judged": 7, "missing": 2, "seconds": 1e-5, "granted": {"stopping rule": 5e-9, "step": 1e-6}},
-    {"times": 2, "judged": 2, "missing": 0, "seconds": 8e-2, "granted": {"stopping rule": 3e-9}},
-    {"times": 0, "judged": 0, "missing": 0, "seconds": 1e-9, "granted": {}},
+    {"times": 4, "compared": 3, "missing": 1, "seconds": 4e-6 * 10**2.005, "granted": {"stopping rule": 2e-9}},
+    {"times": 10, "compared": 7, "missing": 2, "seconds": 1e-5, "granted": {"stopping rule": 5e-9, "step": 1e-6}},
+    {"times": 2, "compared": 2, "missing": 0, "seconds": 8e-2, "granted": {"stopping rule": 3e-9}},
+    {"times": 0, "compared": 0, "missing": 0, "seconds": 1e-9, "granted": {}},
 ]
 
 
@@ -480,8 +480,8 @@ def test_a_method_adds_up_its_answers_and_states_the_most_that_it_was_granted():
         method.add(SimpleNamespace(**fields), decade)
     described = method.described()
 
-    assert {k: described[k] for k in ("scenes", "configurations", "judged", "unanswered", "not_judged")} == {
-        **{"scenes": 4, "configurations": 16, "judged": 12, "unanswered": 3, "not_judged": 1}
+    assert {k: described[k] for k in ("scenes", "configurations", "compared", "unanswered", "not_compared")} == {
+        **{"scenes": 4, "configurations": 16, "compared": 12, "unanswered": 3, "not_compared": 1}
     }
     assert described["granted"] == {"stopping rule": 5e-9, "step": 1e-6}
     assert described["unanswered_by_sigma"] == {"-3": 1, "-1": 2}

@@ -76,10 +76,10 @@ def test_an_effect_that_is_refused_is_not_felt() -> None:
     method = next(m for m in methods("pinocchio", Use.EFFECTS) if m.name == "joint tree")
     whole = ablations(method, scene)
     gravity = tuple(a for a in whole.effects if a.effect == "gravity")
-    works = {name: whole.works[name] for a in gravity for name in (a.off, a.on)}
+    runs = {name: whole.runs[name] for a in gravity for name in (a.off, a.on)}
     (row,) = (
         r
-        for r in rows(replace(whole, effects=gravity, works=works), reference(scene), 0.0)
+        for r in rows(replace(whole, effects=gravity, runs=runs), reference(scene), 0.0)
         if r.microseconds is None and r.effect == "gravity"
     )
     assert row.inert is None

@@ -14,7 +14,7 @@ import refkin
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.engines.closed_form.engine import _frames
 from crosscheck.engines.closed_form.jets import Floats, Jet, on_circle
-from crosscheck.engines.closed_form.space import BETWEEN, Assembly
+from crosscheck.engines.closed_form.space import BETWEEN, SpatialAssembly
 from crosscheck.engines.closed_form.space_motion import _lowest_between, _proved_absent
 from crosscheck.engines.closed_form.space_vectors import least_squares
 from crosscheck.engines.spatial.turning import product
@@ -48,7 +48,7 @@ def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> N
     assert refused == ({"exudyn"} if scene.name == "screw jack" else set())
     assert {engine for engine, _ in solved} == set(ENGINES) - refused
     for answer in record.answers:
-        assert answer.judged == answer.times == len(scene.times)
+        assert answer.compared == answer.times == len(scene.times)
         assert answer.missing == 0
     best = [a for a in record.answers if a.method.name != "shipped"]
     assert max(q.ratio for a in best for q in a.quantities.values()) < 0.5  # 0.31 with exudyn on Bennett's linkage
@@ -120,7 +120,7 @@ def test_a_correction_is_the_last_if_it_is_small_not_if_it_was_to_be(engine: str
 
 def test_metres_of_a_linkage_of_space_are_no_angles_to_its_program() -> None:
     """Of a chain of 256 m the third coordinates, 334 m, were: its term was no rounding any more."""
-    term, *_ = load("refkin-lanes").terms(refkin.load(CORPUS / "space-chain-of-256-m.toml"))
+    term, *_ = load("refkin-batch").terms(refkin.load(CORPUS / "space-chain-of-256-m.toml"))
     assert term.absolute < 1e-14
 
 
@@ -216,9 +216,9 @@ def test_frames_are_granted_three_times_as_much_where_rows_are_redundant_and_now
 
 def test_the_closed_form_keeps_assemblies_that_were_chosen_and_proves_none_absent_that_is_there() -> None:
     scene = space_scenes.rssr()
-    chosen = Assembly(scene, Floats())
+    chosen = SpatialAssembly(scene, Floats())
     first = chosen.run()["rocker"].x.part("v", chosen.count)
-    other = Assembly(scene, Floats(), {key: -sign for key, sign in chosen.signs.items()})
+    other = SpatialAssembly(scene, Floats(), {key: -sign for key, sign in chosen.signs.items()})
 
     assert np.min(np.linalg.norm(other.run()["rocker"].x.part("v", other.count) - first, axis=0)) > 0.1
     for assembly in (chosen, other):

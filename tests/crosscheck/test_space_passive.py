@@ -11,7 +11,7 @@ import pytest
 
 from crosscheck.engines import Level, load, refused_joints
 from crosscheck.engines.spatial.passive import _feels, _in_other, _lines, _on, spins
-from crosscheck.engines.spatial.reading import Hold, Kind, numbers_of
+from crosscheck.engines.spatial.reading import Hold, JointKind, numbers_of
 from crosscheck.engines.spatial.turning import joint_frame, product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.levels import compare_levels, configurations
@@ -49,7 +49,7 @@ def test_engines_agree_with_the_reference_but_for_the_spin_that_bodies_share(cou
     assert [str(seen) for seen in record.disagreements] == []
     assert {a.engine for a in record.answers} == {"pinocchio", "mujoco", "exudyn"}
     for answer in record.answers:
-        assert (answer.judged, answer.missing) == (3, 0)
+        assert (answer.compared, answer.missing) == (3, 0)
         assert max(q.ratio for q in answer.quantities.values()) < 0.1
 
 
@@ -122,7 +122,9 @@ def test_a_point_is_on_a_line_that_misses_it_by_what_rounding_leaves_and_no_more
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-@pytest.mark.parametrize("kind", [Kind.REVOLUTE, Kind.CYLINDRICAL, Kind.SCREW, Kind.PRISMATIC, Kind.FIXED])
+@pytest.mark.parametrize(
+    "kind", [JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.PRISMATIC, JointKind.FIXED]
+)
 def test_a_line_along_an_axis_of_a_joint_is_along_it_in_the_other_body_too(kind, sense):
     """Straight in the one, askew in the other."""
     x, z = np.eye(3)[0], np.eye(3)[2]
@@ -131,12 +133,14 @@ def test_a_line_along_an_axis_of_a_joint_is_along_it_in_the_other_body_too(kind,
     far, askew = hold.u_j + 5.0 * hold.frame_j[:, 2], sense * np.array([1.0, 2.0, 2.0]) / 3.0
 
     at, line = _in_other(hold, "a", (hold.u_i + 5.0 * z, sense * z))
-    assert at == pytest.approx(far if kind in (Kind.PRISMATIC, Kind.FIXED) else hold.u_j)
+    assert at == pytest.approx(far if kind in (JointKind.PRISMATIC, JointKind.FIXED) else hold.u_j)
     assert line == pytest.approx(askew)
     at, line = _in_other(hold, "b", (far, askew))
-    assert (*at, *line) == pytest.approx((2.0, 0.0, 5.0 * (kind in (Kind.PRISMATIC, Kind.FIXED)), *(sense * z)))
+    assert (*at, *line) == pytest.approx(
+        (2.0, 0.0, 5.0 * (kind in (JointKind.PRISMATIC, JointKind.FIXED)), *(sense * z))
+    )
     beside = _in_other(hold, "a", (hold.u_i + x, z))
-    assert (beside is None) == (kind not in (Kind.PRISMATIC, Kind.FIXED))
+    assert (beside is None) == (kind not in (JointKind.PRISMATIC, JointKind.FIXED))
 
 
 def held_by(kind, i, j):
@@ -182,7 +186,10 @@ def test_a_joint_feels_a_turn_of_one_of_its_bodies_if_what_it_holds_changes(kind
 
 
 def test_two_points_alike_but_for_rounding_are_no_line_and_a_body_on_one_joint_alone_is_no_spin():
-    far, kinds = np.array([0.0, 0.0, 1e4]), {"ball": Kind.SPHERICAL, "weld": Kind.FIXED, "pin": Kind.REVOLUTE}
+    far, kinds = (
+        np.array([0.0, 0.0, 1e4]),
+        {"ball": JointKind.SPHERICAL, "weld": JointKind.FIXED, "pin": JointKind.REVOLUTE},
+    )
     ends = {"body_i": "ground", "u_i": far, "u_j": far}
     ball, *others = [Hold(name=n, kind=kind, body_j="a" if n == "ball" else "b", **ends) for n, kind in kinds.items()]
     twice = [ball, replace(ball, u_j=far * (1.0 + 1e-13))]

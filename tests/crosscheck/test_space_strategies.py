@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from crosscheck.engines import load
 from crosscheck.engines.closed_form.jets import Floats
-from crosscheck.engines.closed_form.space import Assembly
+from crosscheck.engines.closed_form.space import SpatialAssembly
 from crosscheck.engines.spatial.motion import estimates
 from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.judge.comparison import reference
@@ -65,7 +65,7 @@ def test_a_drawn_scene_is_written_and_read_again(drawn: Spatial) -> None:
 @given(spatial_scenes(samples=8, kinds=("RSSR", "RSSP"), regions=(Region.LIMIT,), decades=(3, 3)))
 def test_a_limit_is_as_near_as_it_is_said_to_be(drawn: Spatial) -> None:
     """What is left of the root by which its coupler is placed: at most a tenth in the end, and more before it."""
-    assembly = Assembly(drawn.scene, Floats())
+    assembly = SpatialAssembly(drawn.scene, Floats())
     assembly.run()
     least = np.min([np.broadcast_to(root.share.v, 8) for root in assembly.roots], axis=0)
     if drawn.hardness is Region.LIMIT:

@@ -10,7 +10,7 @@ from flint import arb, ctx
 from scipy.interpolate import CubicSpline
 
 import refkin
-from crosscheck.engines.closed_form.laws import ExactSpline as ClosedForm
+from crosscheck.engines.closed_form.laws import BallSpline as ClosedForm
 from refkin import FourBar, Status, Table
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.exact import continued, exact

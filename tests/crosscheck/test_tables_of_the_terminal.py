@@ -231,10 +231,10 @@ def test_what_a_benchmark_judged_is_said_where_it_is_a_part():
         "setting": "",
         "note": "in C",
         "timed": 1000,
-        "judged": 100,
-        "unjudged": 3,
+        "compared": 100,
+        "uncompared": 3,
     }
-    rows = [{**row, "unit": "configuration"}, {**row, "unit": "newton-iteration", "unjudged": 0}]
+    rows = [{**row, "unit": "configuration"}, {**row, "unit": "newton-iteration", "uncompared": 0}]
 
     assert bench.notes(rows) == [
         "  a, newton: in C (timed 1,000; compared 100, no budget holds at 3 of the sample)",

@@ -1,4 +1,4 @@
-"""The timer takes works in turns, repeats the quick ones, and keeps the least of several rounds."""
+"""The timer takes workloads in turns, repeats the quick ones, and keeps the least of several rounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crosscheck.workers.timing import timed_in_turns
 
 
 class Clock:
-    """A clock that only works move on."""
+    """A clock that only workloads move on."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -54,8 +54,8 @@ def test_a_quick_work_is_repeated_until_its_turn_is_long_enough(clock):
 
 def test_works_are_taken_in_turns(clock):
     order = []
-    works = {name: (lambda name=name: (order.append(name), lasting(clock, 1.0)())) for name in "ab"}
-    timed_in_turns(works, rounds=3, at_least=0.0)
+    workloads = {name: (lambda name=name: (order.append(name), lasting(clock, 1.0)())) for name in "ab"}
+    timed_in_turns(workloads, rounds=3, at_least=0.0)
 
     assert "".join(order[-6:]) == "ababab"
 

@@ -45,7 +45,7 @@ def test_drawn_scenes_agree_with_the_reference_at_all_times(drawn):
     ref = reference(drawn.scene)
     compared = compare(ref, VectorLoop().solve(drawn.scene))
 
-    assert (compared.agrees, compared.missing, compared.judged) == (True, 0, 12)
+    assert (compared.agrees, compared.missing, compared.compared) == (True, 0, 12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -123,7 +123,7 @@ def test_it_is_compared_by_its_name_without_disagreement():
     record = check(scene, ["vector_loop"])
 
     assert record.disagreements == []
-    assert record.answers[0].judged == 12
+    assert record.answers[0].compared == 12
 
 
 def test_it_declares_that_it_has_no_rows():

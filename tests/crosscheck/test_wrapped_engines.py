@@ -180,8 +180,8 @@ def planted(order: int) -> Fault:
     def fault(motion: Motion, scene: Scene) -> Motion:
         ref, key = reference(scene), ("q", "qd", "qdd")[order]
         off = np.zeros_like(ref.levels[order])
-        lanes = np.flatnonzero(ref.budget().judged)
-        off[:, lanes] = 10.0 * sensitivity(scene)[order]
+        samples = np.flatnonzero(ref.budget().compared)
+        off[:, samples] = 10.0 * sensitivity(scene)[order]
         physical = ref.system.to_physical(off, 1)  # as a rate: a difference has no origin
         rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
         return replace(motion, **{key: getattr(motion, key) + physical[rows]})
@@ -192,7 +192,7 @@ def planted(order: int) -> Fault:
 @cache
 def sensitivity(scene: Scene) -> Any:
     ref = reference(scene)
-    return samples.input_sensitivity(ref, np.flatnonzero(ref.budget().judged).tolist())
+    return samples.input_sensitivity(ref, np.flatnonzero(ref.budget().compared).tolist())
 
 
 def one_driver_drops(motion: Motion, scene: Scene) -> Motion:
@@ -224,7 +224,10 @@ def evenly(motion: Motion, scene: Scene) -> Motion:
 
 def made_up(motion: Motion, scene: Scene) -> Motion:
     """Where no error is bounded the pose is made up, and called ok without rates."""
-    levels, there = {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")}, ~reference(scene).budget().judged
+    levels, there = (
+        {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")},
+        ~reference(scene).budget().compared,
+    )
     for level, number in zip(levels.values(), (0.123, math.nan, math.nan), strict=True):
         level[:, there] = number
     status = tuple(Status.OK if wrong else s for wrong, s in zip(there, motion.status, strict=True))
@@ -325,7 +328,7 @@ PLANT = """
         from crosscheck.judge.comparison import reference
         from crosscheck.judge.samples import input_sensitivity
         ref = reference(scene)
-        judged = np.flatnonzero(ref.budget().judged)[::8]
+        judged = np.flatnonzero(ref.budget().compared)[::8]
         off = np.zeros((3, *ref.levels[0].shape))
         off[:, :, judged] = 10.0 * input_sensitivity(ref, judged.tolist())
         qd, qdd = (getattr(motion, key) + ref.system.to_physical(off[k], 1)[: ref.system.of_bodies]

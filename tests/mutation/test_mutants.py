@@ -73,7 +73,7 @@ def test_rows_with_an_erratum_in_a_formula_or_a_claim_have_a_mutant():
 def test_every_joint_and_driver_has_mutants():
     for target in ("Revolute", "Fixed", "PointOnLine", "Prismatic", "Distance", "Gear", "RackAndPinion", "FaceOnDisc"):
         assert [m for m in MUTANTS if f":{target}." in m.target]
-    for target in ("AngleDriver", "CoordinateDriver", "DistanceDriver", "Gap", "RollerOnCurve"):
+    for target in ("AngleDriver", "CoordinateDriver", "DistanceDriver", "Clearance", "RollerOnCurve"):
         assert [m for m in MUTANTS if f":{target}." in m.target]
 
 

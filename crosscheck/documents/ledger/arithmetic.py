@@ -81,7 +81,7 @@ class Binary64:
         return result.q
 
 
-class Balls:
+class ArbNumbers:
     """`flint.arb` numbers of so many bits; use them inside `at_precision`."""
 
     def __init__(self, bits: int) -> None:
@@ -163,7 +163,7 @@ class Balls:
         return middle + objects(image.entries())
 
 
-Arithmetic = Binary64 | Balls
+Arithmetic = Binary64 | ArbNumbers
 
 
 def never(residual: Any, correction: Any, q: Any) -> bool:

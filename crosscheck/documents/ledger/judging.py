@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from crosscheck.documents.ledger.arithmetic import Balls, Binary64
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Binary64
 from crosscheck.documents.ledger.rows import (
     Erratum,
     LedgerRow,
@@ -42,7 +42,7 @@ def computed(row: LedgerRow) -> tuple[Sources, dict[str, Any]]:
         compute = _function(row.computation)
         sources[Binary64.name] = _flat(compute(Binary64(), row.inputs))
         for bits in (JUDGE_BITS, ROUNDING_BITS):
-            balls = Balls(bits)
+            balls = ArbNumbers(bits)
             with balls.at_precision():
                 values = _flat(compute(balls, row.inputs))
             if bits == JUDGE_BITS:

@@ -9,7 +9,7 @@ import numpy as np
 from flint import arb
 
 from crosscheck.documents.convergence import linear_rate, newton_order
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, count_roots, excludes_zero, never
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64, count_roots, excludes_zero, never
 from crosscheck.documents.systems import SquareSystem, me451, scalar
 from refkin.analysis import acceleration, position, velocity
 from refkin.newton import CorrectionNorm, newton
@@ -24,7 +24,7 @@ def a1(n: Arithmetic, given: Given) -> Values:
     phi, phi_q = me451.root_minus_sine()
     values: Values = {"slope near 0": phi_q(n.vector([given["near"]]))[0, 0]}
     low, high = given["no root between"]
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         values["no root between"] = excludes_zero(lambda x: phi([x])[0], float(low), float(high))
     else:
         scanned = np.linspace(float(low), float(high), 4001)
@@ -81,7 +81,7 @@ def a4(n: Arithmetic, given: Given) -> Values:
         "printed: roots": [n.root(printed, n.vector(near)) for near in given["printed roots near"]],
     }
     low, high = given["printed: no root for y between"]
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         values["printed: no root for y between"] = excludes_zero(
             lambda y: np.log(2 + np.exp(y)) - np.cos(y), float(low), float(high)
         )
@@ -207,7 +207,7 @@ def a9(n: Arithmetic, given: Given) -> Values:
         "inner root": n.root(system, n.vector(["0.85"]))[0],
         "outer root": n.root(system, n.vector(["1.2"]))[0],
     }
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         values["roots for |x| < 12"] = 2 * sum(count_roots(system, low, high) for low, high in _a9_pieces(12.0))
     return values
 
@@ -227,7 +227,7 @@ def a10(n: Arithmetic, given: Given) -> Values:
     """x^2 + 4 has no real root, x^2 - 4 has two."""
     none, two = me451.square(4), me451.square(-4)
     values: Values = {"roots of x^2 - 4": [n.root(two, n.vector([start]))[0] for start in ("1", "-3")]}
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         values["no root of x^2 + 4 for |x| < 1000"] = excludes_zero(lambda x: none.phi([x])[0], -1000.0, 1000.0)
     else:
         values["no root of x^2 + 4 for |x| < 1000"] = bool(np.min(none.phi([np.linspace(-1e3, 1e3, 9999)])) > 0.0)
@@ -259,7 +259,7 @@ def refkin_a11(n: Binary64, given: Given) -> Values:
 
 def a12(n: Arithmetic, given: Given) -> Values:
     """The five forms of the code end at one answer; a fold is regular with its null vector among the unknowns."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     system, q0 = _problem_356(n, given), estimate_356(n)
     ways: list[dict[str, Any]] = [
@@ -306,7 +306,7 @@ def a13(n: Arithmetic, given: Given) -> Values:
 
 def a14(n: Arithmetic, given: Given) -> Values:
     """The slides' stopping test: the norm of the correction below 1e-8."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         history = n.newton(_problem_356(n, given), estimate_356(n), 6)
         return {"last correction": np.sqrt(sum(c * c for c in history.corrections[5]))}
     result = newton(*_problem_356(n, given), estimate_356(n), stop=CorrectionNorm(float(given["tolerance"])))

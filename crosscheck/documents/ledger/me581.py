@@ -9,7 +9,7 @@ import numpy as np
 
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import BothLargest, slope
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, History
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64, History
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581
 from crosscheck.engines import vector_loop
@@ -175,7 +175,7 @@ def refkin_c9(n: Binary64, given: Given) -> Values:
 
 def c10(n: Arithmetic, given: Given) -> Values:
     """How the error of a difference quotient goes with its step."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     system, q = four_bar(n, given), n.vector(given["q"])
     exact = system.phi_q(q)
@@ -207,7 +207,7 @@ def refkin_c11(n: Binary64, given: Given) -> Values:
 
 def c12(n: Arithmetic, given: Given) -> Values:
     """Largest component of the residual and of the correction, both below their limits."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     limits = [float(x) for x in given["limits"]]
     result = newton(*four_bar(n, given), estimate(n), stop=BothLargest(*limits))

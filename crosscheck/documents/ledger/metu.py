@@ -10,7 +10,7 @@ import numpy as np
 
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import ResidualOrCorrection
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581, metu
 from crosscheck.engines import vector_loop
@@ -23,7 +23,7 @@ from refkin.solving.solve import solve
 
 def b1(n: Arithmetic, given: Given) -> Values:
     """The four sketches of how Newton's method goes, and the stopping test that is printed without absolute values."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     sketches: dict[str, tuple[Any, Any, float]] = {
         "a": (lambda x: x * x - 2, lambda x: 2 * x, 1.0),
@@ -194,7 +194,7 @@ def loops_b5(n: Binary64, given: Given) -> Values:
 
 def b4(n: Arithmetic, given: Given) -> Values:
     """The guidance: fewer than ten iterations, steps below ten degrees, the previous pose as the guess; and too far."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     fine, coarse = (_cycle(given, int(step)) for step in (given["step"], given["coarse step"]))
     return {
@@ -263,7 +263,7 @@ def _turns(n: Binary64, given: Given, reading: Signs, q: Any) -> bool:
 
 def b6(n: Arithmetic, given: Given) -> Values:
     """The three ways to end: a root, a new estimate where the slope vanishes, no solution after m steps."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     test = ResidualOrCorrection(1e-9, 1e-9)
     quadratic = me581.quadratic()

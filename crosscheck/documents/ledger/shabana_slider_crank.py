@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
+from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.systems import shabana
@@ -127,7 +127,7 @@ def d17(n: Arithmetic, given: Given) -> Values:
         "largest of rows 6 + 8 + 12 - 4": max(abs(x) for x in relation),
         "|det| with the crank driven": abs(n.det(crank)),
     }
-    if isinstance(n, Balls):  # the minor that leaves out row 4 and the column of theta2
+    if isinstance(n, ArbNumbers):  # the minor that leaves out row 4 and the column of theta2
         keep_rows, keep_columns = [k for k in range(12) if k != 3], [k for k in range(12) if k != 5]
         minor = n.det(slider[np.ix_(keep_rows, keep_columns)])
         values["rank with the slider driven"] = 11 if minor != 0 else 0
@@ -156,7 +156,7 @@ def refkin_d17(n: Binary64, given: Given) -> Values:
 
 def d18(n: Arithmetic, given: Given) -> Values:
     """Newton on the way to that pose: x = l2 + l3 - e."""
-    if isinstance(n, Balls):
+    if isinstance(n, ArbNumbers):
         return {}
     l2, l3 = numbers(n, given, "l2", "l3")
     start = pose(l2, l3, *(n(x) for x in given["estimate"])).astype(float)

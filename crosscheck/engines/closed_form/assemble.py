@@ -26,14 +26,14 @@ import numpy as np
 from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, count_turns, midpoint
 from crosscheck.engines.closed_form.linkage import (
     AngleRow,
-    Circle,
+    CircleLocus,
     DistanceRow,
     GroupedScene,
+    Intersection,
     JetPose,
-    Line,
+    LineLocus,
     LineRow,
     Locus,
-    Meeting,
     RigidGroup,
     meet,
 )
@@ -70,7 +70,7 @@ class Assembly:
     unsure_turns: Mask = field(init=False)
     turns_of: Callable[[int], np.ndarray] | None = None
     known_angles: list[np.ndarray] = field(default_factory=list)
-    meetings: list[Meeting] = field(default_factory=list)
+    meetings: list[Intersection] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         count = len(self.scene.times)
@@ -203,16 +203,16 @@ class Assembly:
             radius, name = (by.nodes[b] - by.nodes[a]).length(), "link " + ", ".join(by.bodies)
         ends = self._estimate(a), self._estimate(b)
         gradient = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
-        return LocusRow(Circle(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
+        return LocusRow(CircleLocus(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
 
     def _meeting_point(self, g: RigidGroup, rows: Sequence[LocusRow], what: str) -> Planar:
-        one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, Circle))
+        one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, CircleLocus))
         meeting = meet(one.locus, two.locus, self.arithmetic)
         self.meetings.append(meeting)
         self._note(meeting, what, (one.name, two.name))
         return meeting.point(self._sign(g, meeting, (one, two), what))
 
-    def _note(self, meeting: Meeting, what: str, names: tuple[str, str]) -> None:
+    def _note(self, meeting: Intersection, what: str, names: tuple[str, str]) -> None:
         known = self.absent | self.singular
         absent = np.broadcast_to(meeting.absent, known.shape) & ~known
         singular = np.broadcast_to(meeting.singular, known.shape) & ~known
@@ -228,7 +228,7 @@ class Assembly:
 
     # which assembly, by the estimates at the first time
 
-    def _sign(self, g: RigidGroup, meeting: Meeting, rows: tuple[LocusRow, LocusRow], what: str) -> float:
+    def _sign(self, g: RigidGroup, meeting: Intersection, rows: tuple[LocusRow, LocusRow], what: str) -> float:
         if meeting.chord is None:
             return 1.0
         first, second = rows[0].gradient, rows[1].gradient
@@ -240,10 +240,10 @@ class Assembly:
             return math.copysign(1.0, cross)
         return self._nearer(g, meeting, rows) or math.copysign(1.0, cross)
 
-    def _nearer(self, g: RigidGroup, meeting: Meeting, rows: tuple[LocusRow, LocusRow]) -> float:
+    def _nearer(self, g: RigidGroup, meeting: Intersection, rows: tuple[LocusRow, LocusRow]) -> float:
         """Return the sign of the assembly nearer the estimate, 0 if it is right between or nowhere."""
         angle, chord, circle = self._angle_estimate(g), meeting.chord, rows[1].locus
-        if angle is None or chord is None or rows[1].gradient is None or not isinstance(circle, Circle):
+        if angle is None or chord is None or rows[1].gradient is None or not isinstance(circle, CircleLocus):
             return 0.0
         seen = rows[1].gradient * complex(math.cos(angle), -math.sin(angle))
         middle = _start(meeting.foot - circle.centre)
@@ -301,16 +301,16 @@ def _relative_turn(g: RigidGroup, x: RigidGroup) -> Planar:
     return g.spin[1].conj() * x.spin[1]
 
 
-def _line_locus(line: LineRow, g: RigidGroup, x: RigidGroup, turn: Planar) -> Line | None:
+def _line_locus(line: LineRow, g: RigidGroup, x: RigidGroup, turn: Planar) -> LineLocus | None:
     """Return the line on which the row holds the origin of x in the frame of g, if it is between these two."""
     if line.body_i in g.bodies and line.node in x.nodes:
         pose = g.bodies[line.body_i]
         normal, arm = pose.turn * line.normal, turn * x.nodes[line.node]
-        return Line(normal, line.value + normal.dot(pose.point(line.anchor) - arm))
+        return LineLocus(normal, line.value + normal.dot(pose.point(line.anchor) - arm))
     if line.body_i in x.bodies and line.node in g.nodes:
         pose = x.bodies[line.body_i]
         normal, arm = turn * pose.turn * line.normal, turn * pose.point(line.anchor)
-        return Line(normal, normal.dot(g.nodes[line.node] - arm) - line.value)
+        return LineLocus(normal, normal.dot(g.nodes[line.node] - arm) - line.value)
     return None
 
 

@@ -72,7 +72,7 @@ def _table(law: Table, times: tuple[float, ...], order: int, arithmetic: Arithme
     return np.array([spline.antiderivative(t) - spline.antiderivative(0.0) for t in times], dtype=object)
 
 
-class ExactSpline:
+class BallSpline:
     """The cubic spline of a table in balls, by its second derivatives M_k at the knots.
 
     h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (slope_k - slope_(k-1)) at inner knots; at the ends the
@@ -141,7 +141,7 @@ class ExactSpline:
 
 
 @lru_cache(maxsize=64)
-def exact_spline(law: Table, bits: int) -> ExactSpline:
+def exact_spline(law: Table, bits: int) -> BallSpline:
     """Return the spline of a table in balls of the given precision, which must be the current one."""
     assert bits == ctx.prec, "the spline is computed at the precision of the context"
-    return ExactSpline(law)
+    return BallSpline(law)

@@ -27,7 +27,7 @@ from refkin.model import Scene
 
 
 @dataclass(frozen=True)
-class Line:
+class LineLocus:
     """normal . p = level."""
 
     normal: Planar
@@ -35,14 +35,14 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Circle:
+class CircleLocus:
     """|p - centre| = radius."""
 
     centre: Planar
     radius: Jet
 
 
-Locus = Line | Circle
+Locus = LineLocus | CircleLocus
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Slack:
 
 
 @dataclass(frozen=True)
-class Meeting:
+class Intersection:
     """The meeting points foot + sign * chord; sign of g_1 x g_2. Without a chord there is one point."""
 
     foot: Planar
@@ -75,24 +75,24 @@ class Meeting:
         return self.foot + self.chord if sign > 0 else self.foot - self.chord
 
 
-def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Meeting:
+def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Intersection:
     """Return where two loci meet, lines before circles."""
-    if isinstance(one, Line):
-        return _lines(one, two, arithmetic) if isinstance(two, Line) else line_and_circle(one, two, arithmetic)
-    assert isinstance(two, Circle), "a line comes before a circle"
+    if isinstance(one, LineLocus):
+        return _lines(one, two, arithmetic) if isinstance(two, LineLocus) else line_and_circle(one, two, arithmetic)
+    assert isinstance(two, CircleLocus), "a line comes before a circle"
     return _circles(one, two, arithmetic)
 
 
-def _lines(one: Line, two: Line, arithmetic: Arithmetic) -> Meeting:
+def _lines(one: LineLocus, two: LineLocus, arithmetic: Arithmetic) -> Intersection:
     """Solve n_1 . p = k_1, n_2 . p = k_2 by Cramer: singular where the lines are parallel."""
     det = one.normal.cross(two.normal)
     x = (one.level * two.normal.y - two.level * one.normal.y) / det
     y = (one.normal.x * two.level - two.normal.x * one.level) / det
     _, parallel = arithmetic.sign(det.v, 1.0)
-    return Meeting(Planar(x, y), None, np.zeros_like(parallel), parallel, ())
+    return Intersection(Planar(x, y), None, np.zeros_like(parallel), parallel, ())
 
 
-def line_and_circle(line: Line, circle: Circle, arithmetic: Arithmetic) -> Meeting:
+def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic) -> Intersection:
     """Solve n . p = k, |p - c| = r: p = c + d n + s h n.perp() with d = k - n . c and h^2 = (r - d)(r + d).
 
     n x (p - c) = s h.
@@ -104,10 +104,10 @@ def line_and_circle(line: Line, circle: Circle, arithmetic: Arithmetic) -> Meeti
     absent, singular = _judge(slacks, arithmetic)
     h = _root((circle.radius - d) * (circle.radius + d), singular, arithmetic)
     foot = circle.centre + line.normal.scaled(d)
-    return Meeting(foot, line.normal.perp().scaled(h), absent, singular, slacks)
+    return Intersection(foot, line.normal.perp().scaled(h), absent, singular, slacks)
 
 
-def _circles(one: Circle, two: Circle, arithmetic: Arithmetic) -> Meeting:
+def _circles(one: CircleLocus, two: CircleLocus, arithmetic: Arithmetic) -> Intersection:
     """Solve |p - c_1| = a, |p - c_2| = b: p = c_1 + x e + s h e.perp(), e along D = |c_2 - c_1|.
 
     x = (D^2 + (a - b)(a + b)) / (2 D), h = sqrt((a+b-D)(a+b+D)(D+a-b)(D-a+b)) / (2 D) (Heron, factored so that neither
@@ -126,7 +126,7 @@ def _circles(one: Circle, two: Circle, arithmetic: Arithmetic) -> Meeting:
     twice = distance + distance
     x = (distance * distance + difference * total) / twice
     h = _root(heron, singular, arithmetic) / twice
-    return Meeting(one.centre + e.scaled(x), e.perp().scaled(h), absent, singular, slacks)
+    return Intersection(one.centre + e.scaled(x), e.perp().scaled(h), absent, singular, slacks)
 
 
 def _magnitude(x: Jet) -> Jet:
@@ -140,9 +140,9 @@ def _reach(point: Planar) -> Number:
 
 
 def _judge(slacks: tuple[Slack, ...], arithmetic: Arithmetic) -> tuple[Mask, Mask]:
-    judged = [arithmetic.sign(slack.value, slack.scale) for slack in slacks]
-    absent = np.logical_or.reduce([negative for negative, _ in judged])
-    return absent, np.logical_or.reduce([zero for _, zero in judged]) & ~absent
+    signs = [arithmetic.sign(slack.value, slack.scale) for slack in slacks]
+    absent = np.logical_or.reduce([negative for negative, _ in signs])
+    return absent, np.logical_or.reduce([zero for _, zero in signs]) & ~absent
 
 
 def _root(square: Jet, zero: Mask, arithmetic: Arithmetic) -> Jet:

@@ -57,7 +57,7 @@ class NotPlaced(Exception):
 
 
 @dataclass(frozen=True)
-class Tie:
+class KinematicPair:
     """A joint, or a driver that holds a distance, seen from either body: points, frames (f, g, h), numbers, laws."""
 
     kind: str
@@ -89,7 +89,7 @@ class Root:
 
 
 @dataclass
-class Assembly:
+class SpatialAssembly:
     """Bodies placed one after another.
 
     Parameters
@@ -128,7 +128,7 @@ class Assembly:
         return numbers_of(self.scene.mechanism).passive
 
     @cached_property
-    def ties(self) -> list[Tie]:
+    def pairs(self) -> list[KinematicPair]:
         """The joints, with the laws of their drivers, and the distances that drivers hold."""
         conditions = list(given(self.scene.mechanism))
         known = Counter(g.name for g in conditions if g.kind not in PARTS)
@@ -136,13 +136,13 @@ class Assembly:
         if strange:
             raise NotPlaced(f"{strange[0]}: no equations here for the elements that it consists of, taken together")
         laws: dict[tuple[str, str], Jet] = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
-        return [self._tie(g, laws) for g in conditions if not g.joint]
+        return [self._pair(g, laws) for g in conditions if not g.joint]
 
     def _law(self, g: Given) -> Jet:
         jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)
         return jet if g.kind == "angle" else jet.times(self.arithmetic.number(1.0 / self.size))
 
-    def _tie(self, g: Given, laws: Mapping[tuple[str, str], Jet]) -> Tie:
+    def _pair(self, g: Given, laws: Mapping[tuple[str, str], Jet]) -> KinematicPair:
         scale = self.arithmetic.number(1.0 / self.size)  # a power of two
         points, frames = [], list[Any]()
         for body, point, axis, zero in zip(g.bodies, g.points, g.axes, g.zeros, strict=True):
@@ -152,7 +152,7 @@ class Assembly:
             across = np.eye(3)[int(np.argmin(np.abs(axis or (0.0, 0.0, 1.0))))].tolist() if zero is None else zero
             frames.append(None if axis is None else basis(self.vector(axis), self.vector(across)))
         length, pitch, shift = (self.number(x).times(scale) for x in (g.length, g.pitch, g.shift))
-        return Tie(
+        return KinematicPair(
             kind=g.kind,
             name=g.name,
             bodies=g.bodies,
@@ -178,52 +178,52 @@ class Assembly:
 
     def _deduce(self, body: str) -> bool:
         """Place a body, or a point of it, if what is placed says where it is."""
-        ends = [tie for tie in self.ties if body in tie.bodies and self._known(tie, body) is not None]
-        if len({tuple(tie.points[tie.side(body)].part("v", 1)[:, 0]) for tie in ends}) > 2:
+        ends = [pair for pair in self.pairs if body in pair.bodies and self._known(pair, body) is not None]
+        if len({tuple(pair.points[pair.side(body)].part("v", 1)[:, 0]) for pair in ends}) > 2:
             raise NotPlaced(f"{body}: more points are held than the two that place it, by rows that may differ")
         order = ("fixed", "screw", "revolute", "prismatic", "cylindrical")  # what leaves least free comes first
-        held = [t for t in self.ties if body in t.bodies and t.other(body) in self.placed and t.kind in order]
-        for tie in sorted(held, key=lambda t: order.index(t.kind)):
-            freedom = self._freedom(tie, body)
+        held = [t for t in self.pairs if body in t.bodies and t.other(body) in self.placed and t.kind in order]
+        for pair in sorted(held, key=lambda t: order.index(t.kind)):
+            freedom = self._freedom(pair, body)
             if isinstance(freedom, Frame):
                 self.placed[body] = freedom
                 return True
-            if isinstance(freedom, Turning) and self._solved(body, freedom, tie):
+            if isinstance(freedom, Turning) and self._solved(body, freedom, pair):
                 return True
-            if isinstance(freedom, tuple) and self._slid(body, tie, *freedom):
+            if isinstance(freedom, tuple) and self._slid(body, pair, *freedom):
                 return True
         return self._between_points(body)
 
-    def _freedom(self, tie: Tie, body: str) -> Any:
-        """Return a body as one tie holds it: placed, Turning, or (placed but for a shift, unit vector, its circle)."""
-        side = tie.side(body)
-        base, sign = self.placed[tie.other(body)], self.number(1.0 if side == 1 else -1.0)
-        f, g, h = (base.turned(v) for v in tie.frames[1 - side])
-        at, own = base.point(tie.points[1 - side]), tie.frames[side]
-        angle, shift = tie.angle, tie.displacement
-        if tie.kind == "screw":
+    def _freedom(self, pair: KinematicPair, body: str) -> Any:
+        """Return a body as one pair holds it: placed, Turning, or (placed but for a shift, unit vector, its circle)."""
+        side = pair.side(body)
+        base, sign = self.placed[pair.other(body)], self.number(1.0 if side == 1 else -1.0)
+        f, g, h = (base.turned(v) for v in pair.frames[1 - side])
+        at, own = base.point(pair.points[1 - side]), pair.frames[side]
+        angle, shift = pair.angle, pair.displacement
+        if pair.kind == "screw":
             if angle is None and shift is not None:
-                angle = (shift - tie.shift) / tie.pitch
+                angle = (shift - pair.shift) / pair.pitch
             if angle is None:
                 return None
-            shift = tie.pitch * angle + tie.shift
-        if tie.kind == "revolute":
+            shift = pair.pitch * angle + pair.shift
+        if pair.kind == "revolute":
             shift = self.number(0.0)
-        if tie.kind in ("prismatic", "fixed"):
+        if pair.kind in ("prismatic", "fixed"):
             angle = self.number(0.0)
-            shift = self.number(0.0) if tie.kind == "fixed" else shift
-        if shift is None and (tie.name, side) in self.points:
-            shift = h.dot(self.points[tie.name, side] - at) * sign
+            shift = self.number(0.0) if pair.kind == "fixed" else shift
+        if shift is None and (pair.name, side) in self.points:
+            shift = h.dot(self.points[pair.name, side] - at) * sign
         cos, sin = (self.number(1.0), self.number(0.0)) if angle is None else angle.cos_sin()
         sin = sin * sign
         axes = (f.scaled(cos) + g.scaled(sin), g.scaled(cos) - f.scaled(sin), h)
-        frame = composed(at, axes, tie.points[side], own)
+        frame = composed(at, axes, pair.points[side], own)
         if shift is None:
             return frame, h, angle is None
         frame = frame.moved(h.scaled(shift * sign))
         return Turning(frame, at, h) if angle is None else frame
 
-    def _solved(self, body: str, turning: Turning, held_by: Tie | None) -> bool:
+    def _solved(self, body: str, turning: Turning, held_by: KinematicPair | None) -> bool:
         """Place a body that turns, from conditions P cos + Q sin = K, if these say enough."""
         rows = self._conditions(body, turning, held_by)
         clear = [row for row in rows if float(np.min(np.hypot(midpoint(row[0].v), midpoint(row[1].v)))) > ALIKE]
@@ -260,64 +260,64 @@ class Assembly:
             self.signs[body, how] = -1.0 if off[1] < off[0] else 1.0
         return self.signs[body, how]
 
-    def _conditions(self, body: str, turning: Turning, held_by: Tie | None) -> Iterator[Condition]:
+    def _conditions(self, body: str, turning: Turning, held_by: KinematicPair | None) -> Iterator[Condition]:
         """Yield P, Q, K of what else a body that turns hangs on, directly or by one body between."""
-        for tie in self.ties:
-            if tie is held_by or body not in tie.bodies:
+        for pair in self.pairs:
+            if pair is held_by or body not in pair.bodies:
                 continue
-            side, other = tie.side(body), tie.other(body)
+            side, other = pair.side(body), pair.other(body)
             if other in self.placed:
-                yield from self._direct(tie, side, turning, self.placed[other])
+                yield from self._direct(pair, side, turning, self.placed[other])
             else:
-                yield from self._by_link(tie, side, other, turning)
+                yield from self._by_link(pair, side, other, turning)
 
-    def _direct(self, tie: Tie, side: int, turning: Turning, base: Frame) -> Iterator[Condition]:
-        point, there = turning.point(tie.points[side]), base.point(tie.points[1 - side])
-        if tie.kind == "distance":
-            yield point.on_sphere(there, tie.length)
-        if tie.kind in MEETING:
+    def _direct(self, pair: KinematicPair, side: int, turning: Turning, base: Frame) -> Iterator[Condition]:
+        point, there = turning.point(pair.points[side]), base.point(pair.points[1 - side])
+        if pair.kind == "distance":
+            yield point.on_sphere(there, pair.length)
+        if pair.kind in MEETING:
             for axis in (base.x, base.y, base.z):
                 yield point.in_plane(axis, axis.dot(there))
-        if tie.frames[0] is None:
+        if pair.frames[0] is None:
             return
-        own, their = turning.direction(tie.frames[side][2]), base.turned(tie.frames[1 - side][2])
-        if tie.kind in AXIAL:
+        own, their = turning.direction(pair.frames[side][2]), base.turned(pair.frames[1 - side][2])
+        if pair.kind in AXIAL:
             for axis in (base.x, base.y, base.z):
                 yield own.in_plane(axis, axis.dot(their))
-        if tie.kind in CROSSED:
+        if pair.kind in CROSSED:
             yield own.in_plane(their, self.number(0.0))
-        if tie.kind == "point_on_plane" and side == 1:
+        if pair.kind == "point_on_plane" and side == 1:
             yield point.in_plane(their, their.dot(there))
-        if tie.kind == "point_on_plane" and side == 0:
+        if pair.kind == "point_on_plane" and side == 0:
             yield own.in_plane(there - turning.foot, own.still.dot(point.still - turning.foot) + own.c.dot(point.c))
 
-    def _by_link(self, tie: Tie, side: int, link: str, turning: Turning) -> Iterator[Condition]:
+    def _by_link(self, pair: KinematicPair, side: int, link: str, turning: Turning) -> Iterator[Condition]:
         """Yield what a body between this one and a placed one says: the distance of its points, and of its axes."""
-        for far in self._beyond(tie, link):
-            base, mine, its = self.placed[far.other(link)], tie.side(link), far.side(link)
-            point, there = turning.point(tie.points[side]), base.point(far.points[1 - its])
-            arm = tie.points[mine] - far.points[its]
+        for far in self._beyond(pair, link):
+            base, mine, its = self.placed[far.other(link)], pair.side(link), far.side(link)
+            point, there = turning.point(pair.points[side]), base.point(far.points[1 - its])
+            arm = pair.points[mine] - far.points[its]
             yield point.on_sphere(there, arm.dot(arm).sqrt())
             if far.kind == "revolute":
                 axis, own = base.turned(far.frames[1 - its][2]), far.frames[its][2]
                 yield point.in_plane(axis, axis.dot(there) + own.dot(arm))
-                if tie.kind == "revolute":
-                    yield turning.direction(tie.frames[side][2]).in_plane(axis, own.dot(tie.frames[mine][2]))
-            if tie.kind == "revolute":
-                own = turning.direction(tie.frames[side][2])
+                if pair.kind == "revolute":
+                    yield turning.direction(pair.frames[side][2]).in_plane(axis, own.dot(pair.frames[mine][2]))
+            if pair.kind == "revolute":
+                own = turning.direction(pair.frames[side][2])
                 constant = own.still.dot(point.still - turning.foot) + own.c.dot(point.c)
-                yield own.in_plane(there - turning.foot, constant - tie.frames[mine][2].dot(arm))
+                yield own.in_plane(there - turning.foot, constant - pair.frames[mine][2].dot(arm))
 
-    def _slid(self, body: str, tie: Tie, frame: Frame, axis: Vector, turns: bool) -> bool:
+    def _slid(self, body: str, pair: KinematicPair, frame: Frame, axis: Vector, turns: bool) -> bool:
         """Place a body that slides, or where the point of one that also turns about the line of sliding is."""
-        side = tie.side(body)
-        for other in self.ties:
-            if other is tie or body not in other.bodies:
+        side = pair.side(body)
+        for other in self.pairs:
+            if other is pair or body not in other.bodies:
                 continue
             for point, there, length in self._reach(other, body, frame):
                 arm = point - there
                 across = arm - axis.scaled(axis.dot(arm))
-                off = point - frame.point(tie.points[side])
+                off = point - frame.point(pair.points[side])
                 if turns and np.max(np.abs((off - axis.scaled(axis.dot(off))).part("v", self.count))) > ALIKE:
                     continue
                 along, square = axis.dot(arm), length * length - across.dot(across)
@@ -327,34 +327,36 @@ class Assembly:
                 sign = self._chosen(body, "slid", moved)
                 frame = moved[0] if sign > 0 else moved[1]
                 if turns:
-                    self.points[tie.name, side] = frame.point(tie.points[side])
-                    self._solved(body, self._freedom(tie, body), tie)
+                    self.points[pair.name, side] = frame.point(pair.points[side])
+                    self._solved(body, self._freedom(pair, body), pair)
                 else:
                     self.placed[body] = frame
                 return True
         return False
 
-    def _reach(self, tie: Tie, body: str, frame: Frame) -> Iterator[tuple[Vector, Vector, Jet]]:
+    def _reach(self, pair: KinematicPair, body: str, frame: Frame) -> Iterator[tuple[Vector, Vector, Jet]]:
         """Yield a point of a body, where what holds it is, and the distance of the two."""
-        side, other = tie.side(body), tie.other(body)
-        point = frame.point(tie.points[side])
-        if tie.kind == "distance" and other in self.placed:
-            yield point, self.placed[other].point(tie.points[1 - side]), tie.length
+        side, other = pair.side(body), pair.other(body)
+        point = frame.point(pair.points[side])
+        if pair.kind == "distance" and other in self.placed:
+            yield point, self.placed[other].point(pair.points[1 - side]), pair.length
         if other in self.placed:
             return
-        for far in self._beyond(tie, other):
-            arm = tie.points[tie.side(other)] - far.points[far.side(other)]
+        for far in self._beyond(pair, other):
+            arm = pair.points[pair.side(other)] - far.points[far.side(other)]
             there = self.placed[far.other(other)].point(far.points[1 - far.side(other)])
             yield point, there, arm.dot(arm).sqrt()
 
-    def _beyond(self, tie: Tie, link: str) -> list[Tie]:
-        """Return the joints by whose point a body at the end of a tie hangs on a placed one, if the tie has a point."""
-        there = [t for t in self.ties if t is not tie and link in t.bodies and t.other(link) in self.placed]
-        return [far for far in there if tie.kind in MEETING and far.kind in MEETING]
+    def _beyond(self, pair: KinematicPair, link: str) -> list[KinematicPair]:
+        """Return the joints by whose point a body at the end of a pair hangs on a placed one, if it has a point."""
+        there = [t for t in self.pairs if t is not pair and link in t.bodies and t.other(link) in self.placed]
+        return [far for far in there if pair.kind in MEETING and far.kind in MEETING]
 
     def _between_points(self, body: str) -> bool:
         """Place a body of which two points are known; one that nothing else holds is passive, and turned anyhow."""
-        known = [(tie, at) for tie in self.ties if body in tie.bodies and (at := self._known(tie, body)) is not None]
+        known = [
+            (pair, at) for pair in self.pairs if body in pair.bodies and (at := self._known(pair, body)) is not None
+        ]
         for (one, p), (two, q) in combinations(known, 2):
             arm = two.points[two.side(body)] - one.points[one.side(body)]
             if np.min(midpoint(arm.dot(arm).v)) <= ALIKE:
@@ -368,18 +370,18 @@ class Assembly:
             return True
         return False
 
-    def _known(self, tie: Tie, body: str) -> Vector | None:
+    def _known(self, pair: KinematicPair, body: str) -> Vector | None:
         """Return where a joint's point on a body is, if the other body, or that point of it, is placed."""
-        if tie.kind not in MEETING:
+        if pair.kind not in MEETING:
             return None
-        other = tie.other(body)
+        other = pair.other(body)
         if other in self.placed:
-            return self.placed[other].point(tie.points[1 - tie.side(body)])
+            return self.placed[other].point(pair.points[1 - pair.side(body)])
         for (name, side), at in self.points.items():  # a point on the line along which the other body slides and turns
-            held = next(t for t in self.ties if t.name == name)
+            held = next(t for t in self.pairs if t.name == name)
             if held.bodies[side] != other:
                 continue
-            local = tie.points[1 - tie.side(body)] - held.points[side]
+            local = pair.points[1 - pair.side(body)] - held.points[side]
             h = held.frames[side][2]
             off = local - h.scaled(h.dot(local))
             if np.max(np.abs(off.part("v", 1))) <= ALIKE:
@@ -393,7 +395,7 @@ def _root(square: Jet) -> Jet:
         return square.sqrt()
 
 
-def _across(line: Vector, assembly: Assembly) -> tuple[Vector, Vector, Vector]:
+def _across(line: Vector, assembly: SpatialAssembly) -> tuple[Vector, Vector, Vector]:
     """Return unit vectors along a line and across it, by the axis of the ground that is least along it each time."""
     values = np.abs(line.part("v", assembly.count))
     least = np.argmin(values, axis=0)

@@ -10,7 +10,7 @@ from flint import ctx
 
 from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.closed_form.jets import Balls, Floats, midpoint
-from crosscheck.engines.closed_form.space import BETWEEN, Assembly, NotPlaced
+from crosscheck.engines.closed_form.space import BETWEEN, NotPlaced, SpatialAssembly
 from crosscheck.engines.closed_form.space_vectors import Frame
 from crosscheck.engines.spatial.motion import coordinates, reported
 from crosscheck.engines.spatial.reading import Hold, numbers_of
@@ -34,7 +34,7 @@ def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
         If its bodies do not follow one from another, or one of its joints is left open.
     """
     numbers = numbers_of(scene.mechanism)
-    assembly = Assembly(scene, Floats())
+    assembly = SpatialAssembly(scene, Floats())
     with np.errstate(all="ignore"):
         try:
             placed = assembly.run()
@@ -74,7 +74,7 @@ def _vector_of(m: Array) -> Array:
     return 0.5 * np.stack([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]], axis=1)
 
 
-def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]:
+def _statuses(scene: Scene, assembly: SpatialAssembly, bits: int) -> tuple[Status, ...]:
     """Return what the roots say: no assembly if balls prove it, singular where two meet, lost from then on."""
     count, t = len(scene.times), np.array(scene.times)
     absent, small, unsure = np.zeros((3, count), bool)
@@ -93,10 +93,10 @@ def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]
     return tuple(Status(word) for word in status)
 
 
-def _meets_zero(scene: Scene, assembly: Assembly, start: float, end: float, halvings: int = FINER) -> bool:
+def _meets_zero(scene: Scene, assembly: SpatialAssembly, start: float, end: float, halvings: int = FINER) -> bool:
     """Return whether a root may vanish between two times, looked at on finer and finer grids."""
     times = np.linspace(start, end, GRID)
-    finer = Assembly(replace(scene, times=tuple(times.tolist())), Floats(), dict(assembly.signs))
+    finer = SpatialAssembly(replace(scene, times=tuple(times.tolist())), Floats(), dict(assembly.signs))
     finer.run()
     for root in finer.roots:
         share, rate = (np.broadcast_to(midpoint(part), (GRID,)) for part in (root.share.v, root.share.d))
@@ -117,12 +117,12 @@ def _lowest_between(t: Array, value: Array, rate: Array) -> Array:
     return cubic.min(axis=0) if len(t) > 1 else np.ones(0)
 
 
-def _proved_absent(scene: Scene, assembly: Assembly, bits: int, absent: Array) -> Array:
+def _proved_absent(scene: Scene, assembly: SpatialAssembly, bits: int, absent: Array) -> Array:
     """Return at which of the times `absent` balls prove that a root does not exist; nothing else is known of them."""
     proved = np.zeros(len(absent), bool)
     with ctx.workprec(bits):
         times = tuple(t for t, there in zip(scene.times, absent, strict=True) if there)
-        exact = Assembly(replace(scene, times=times), Balls(), dict(assembly.signs))
+        exact = SpatialAssembly(replace(scene, times=times), Balls(), dict(assembly.signs))
         exact.run()
         squares = [np.broadcast_to(np.asarray(root.square.v, object), (len(times),)) for root in exact.roots]
         proved[absent] = np.any([square < 0 for square in squares], axis=0)

@@ -82,7 +82,7 @@ Condition = tuple[Jet, Jet, Jet]
 
 
 @dataclass(frozen=True)
-class Circle:
+class TurningVector:
     """What turns about a line: v = still + c cos + s sin, of a point or a direction."""
 
     still: Vector
@@ -112,18 +112,18 @@ class Turning:
     foot: Vector
     axis: Vector
 
-    def direction(self, u: Vector) -> Circle:
+    def direction(self, u: Vector) -> TurningVector:
         """Return how a vector of the body turns."""
         return self._circle(self.frame.turned(u))
 
-    def point(self, u: Vector) -> Circle:
+    def point(self, u: Vector) -> TurningVector:
         """Return how a point of the body turns."""
         arm = self._circle(self.frame.point(u) - self.foot)
-        return Circle(arm.still + self.foot, arm.c, arm.s)
+        return TurningVector(arm.still + self.foot, arm.c, arm.s)
 
-    def _circle(self, arm: Vector) -> Circle:
+    def _circle(self, arm: Vector) -> TurningVector:
         along = self.axis.scaled(self.axis.dot(arm))
-        return Circle(along, arm - along, self.axis.cross(arm))
+        return TurningVector(along, arm - along, self.axis.cross(arm))
 
     def at(self, cos: Jet, sin: Jet) -> Frame:
         """Return the body at an angle."""

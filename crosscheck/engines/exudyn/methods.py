@@ -31,7 +31,7 @@ from crosscheck.engines.exudyn.solve import (
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.spatial.reading import in_space
-from crosscheck.scenes.workloads import Chain, Workload
+from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import SI, Unit
 from refkin.model import Scene
 from refkin.motion import Producer
@@ -116,7 +116,7 @@ def _once_or_bare(newton: StaticNewton, tolerance: float, t: float, start: Any) 
 
 
 def _batched(workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         solver = ChainSolver(workload)
         return Batch(solver.run, solver.run(), solver.answered)
     return one_by_one(partial(_direct, DIRECT[-1]), workload, order)
@@ -188,7 +188,7 @@ class Static:
 class ChainSolver:
     """A chain in exudyn, with its sparse solver, at one configuration."""
 
-    def __init__(self, work: Chain) -> None:
+    def __init__(self, work: LoopChain) -> None:
         scene = work.scene
         self.start = work.start
         model = self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)

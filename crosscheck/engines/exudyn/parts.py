@@ -32,7 +32,7 @@ from exudyn import itemInterface as item
 
 from crosscheck.engines import Array
 from crosscheck.engines.exudyn.readings import ACCELERATION, Readings, Table, dot, product_drift
-from crosscheck.engines.frames import Form, Length, Linear, Sine, direction, through_its_point
+from crosscheck.engines.frames import Form, Length, Linear, SineRow, direction, through_its_point
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -132,7 +132,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Block:
+class ObjectRows:
     """One exudyn object, and the rows of a constraint that it holds.
 
     Attributes
@@ -174,7 +174,7 @@ class Builder:
         mass: float = 0.0,
     ) -> None:
         self.mbs, self.unit, self.clock = mbs, unit, clock
-        self.blocks: list[Block] = []
+        self.blocks: list[ObjectRows] = []
         self.bodies = {GROUND: mbs.AddObject(item.ObjectGround())}
         self.nodes: dict[str, Any] = {}
         for body in bodies:
@@ -246,7 +246,7 @@ def _coincide(b: Builder, e: PointsCoincide) -> None:
         d = one(table) - other(table)
         return d.real, d.imag
 
-    b.blocks.append(Block(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
+    b.blocks.append(ObjectRows(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
 
 
 def _guide(b: Builder, e: GuidedPoint, axis_j: Pair, rotation: bool) -> Any:
@@ -270,7 +270,7 @@ def _across(b: Builder, e: GuidedPoint) -> Callable[[Table], Any]:
 def _guided(b: Builder, e: GuidedPoint) -> None:
     e = through_its_point(e)
     joint, across = _guide(b, e, (1.0, 0.0), rotation=False), _across(b, e)
-    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda table, laws: (across(table),)))
+    b.blocks.append(ObjectRows(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda table, laws: (across(table),)))
 
 
 def _slider(b: Builder, e: Any, turned: Any) -> None:
@@ -287,7 +287,7 @@ def _slider(b: Builder, e: Any, turned: Any) -> None:
         i, j = (spin(table) for spin in spins)
         return across(table), (j - i) ** 2 * dot(along(table), normal(table))
 
-    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()), (1.0, Sine())), (1, 0), drift))
+    b.blocks.append(ObjectRows(e.name, joint, e.row, ((-1.0, Linear()), (1.0, SineRow())), (1, 0), drift))
 
 
 def _distance(b: Builder, e: PointDistance) -> None:
@@ -306,7 +306,7 @@ def _distance(b: Builder, e: PointDistance) -> None:
         return ((0.5 * product_drift(d, d) + rate * rate) / distance,)  # |d| |d|'' + |d|'^2 = (d . d)'' / 2
 
     form, power = (Length(length), 1) if law is None else (Linear(), 2)
-    b.blocks.append(Block(e.name, rod, e.row, ((1.0, form),), (power,), drift, cylinder=law))
+    b.blocks.append(ObjectRows(e.name, rod, e.row, ((1.0, form),), (power,), drift, cylinder=law))
 
 
 def _angle(b: Builder, e: RelativeAngle) -> None:
@@ -314,10 +314,10 @@ def _angle(b: Builder, e: RelativeAngle) -> None:
     if e.laws:
         law = b.law(e)
         held = b.driven(markers, law)
-        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (laws[law][2],)))
+        b.blocks.append(ObjectRows(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (laws[law][2],)))
     else:
         held = b.mbs.AddObject(item.CoordinateConstraint(markerNumbers=markers, offset=e.angle))
-        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (0.0,)))
+        b.blocks.append(ObjectRows(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (0.0,)))
 
 
 def _wheels(b: Builder, e: RollingWheels) -> None:
@@ -329,7 +329,7 @@ def _wheels(b: Builder, e: RollingWheels) -> None:
         )
     )
     b.blocks.append(
-        Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,))
+        ObjectRows(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,))
     )
 
 
@@ -347,7 +347,7 @@ def _coordinate(b: Builder, e: PointCoordinate) -> None:
         a = acceleration(table)
         return (laws[law][2] - (a.imag if e.axis else a.real),)
 
-    b.blocks.append(Block(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
+    b.blocks.append(ObjectRows(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
 
 
 ADD: dict[type[Element], Callable[[Builder, Any], None]] = {

@@ -13,7 +13,7 @@ import numpy as np
 from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
-from crosscheck.engines.march import March, march, march_of
+from crosscheck.engines.march import MarchResult, march, march_of
 from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
@@ -195,14 +195,14 @@ class OwnSolver:
             solved.append(one)
         return with_velocities(self, t[: len(solved)], *self._joined(solved)) if solved else last[:0]
 
-    def motion(self: Any, start: Array, times: Sequence[float], order: int) -> March:
+    def motion(self: Any, start: Array, times: Sequence[float], order: int) -> MarchResult:
         """Return the motion from an estimate of the first pose."""
         if self.predicts:
             return march(self, start, times, order, together=self.together, resumes=True)
         t = np.array(times)
         return march_of(self, t, [close(self, np.tile(start, (len(t), 1)), t)], order)
 
-    def status(self, poses: March, times: Sequence[float]) -> tuple[tuple[Status, ...], str]:
+    def status(self, poses: MarchResult, times: Sequence[float]) -> tuple[tuple[Status, ...], str]:
         """Return the status of each time, and in words what is not ok.
 
         Where exudyn's solver came to a pose, but to none that continues the motion, the branch is lost.
@@ -287,7 +287,7 @@ class ExudynEquations(OwnSolver):
                 start[column] -= math.tau * round(off / math.tau)
         return start
 
-    def march(self, start: Array, times: Sequence[float], order: int) -> March:
+    def march(self, start: Array, times: Sequence[float], order: int) -> MarchResult:
         """Return the motion in the model's unit, from an estimate of the first pose in it."""
         poses = self.motion(self._on_the_turn_meant(start / self.column_scale), times, order)
         return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))

@@ -47,7 +47,7 @@ from crosscheck.engines.spatial.reading import (
     G,
     H,
     Hold,
-    Kind,
+    JointKind,
     Numbers,
     numbers_of,
 )
@@ -86,7 +86,7 @@ Readings = dict[tuple[str, Any, tuple[float, ...]], Array]
 
 
 @dataclass(frozen=True)
-class Line:
+class ExudynRow:
     """One row of ours: what of a joint it says, which of an exudyn object's rows it is, and by which factor.
 
     `what` is ("d", component), ("dot", a, b), ("along", a), ("length",), or ("turned",) of a driven angle; `drive`
@@ -121,7 +121,7 @@ class ExudynSpace(ExudynSystem):
             node = self.mbs.AddNode(item.NodeRigidBodyEP(referenceCoordinates=STILL.tolist()))
             rigid = item.ObjectRigidBody(nodeNumber=node, mass=0.0, inertia=[0.0] * 6)
             self.bodies[body] = self.mbs.AddObject(rigid)
-        self.lines: list[Line] = []
+        self.lines: list[ExudynRow] = []
         for hold in holds:
             self._joint(hold)
         for drive in drives:
@@ -145,14 +145,14 @@ class ExudynSpace(ExudynSystem):
         return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
     def _joint(self, hold: Hold) -> None:
-        if hold.kind in COUNTED | {Kind.OTHER}:
+        if hold.kind in COUNTED | {JointKind.OTHER}:
             raise EngineRefusal(f"exudyn refuses {hold.kind} {hold.name!r}: it has no such joint")
         first = len(self.lines)
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
-            self.lines.append(Line(hold, what, hold.rows[len(self.lines) - first], hold.name, number, own, factor))
+            self.lines.append(ExudynRow(hold, what, hold.rows[len(self.lines) - first], hold.name, number, own, factor))
 
-        if hold.kind == Kind.REVOLUTE:
+        if hold.kind == JointKind.REVOLUTE:
             frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
             revolute = self.mbs.AddObject(item.ObjectJointRevoluteZ(markerNumbers=self._markers(hold)[::-1], **frames))
             for k in range(3):
@@ -164,10 +164,10 @@ class ExudynSpace(ExudynSystem):
             meeting = self.mbs.AddObject(item.ObjectJointSpherical(markerNumbers=self._markers(hold)))
             for k in range(3):
                 add(meeting, k, ("d", k))
-        if hold.kind == Kind.DISTANCE:
+        if hold.kind == JointKind.DISTANCE:
             rod = item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=hold.length)
             add(self.mbs.AddObject(rod), 0, ("length",))
-        for what in ROWS.get(Kind.TURN if hold.kind == Kind.TWIST else hold.kind, ()):
+        for what in ROWS.get(JointKind.TURN if hold.kind == JointKind.TWIST else hold.kind, ()):
             own, i, j = HELD[what[1:]] if what[0] == "dot" else what[1], hold.frame_i, hold.frame_j
             if what == CROSSED:
                 i, j = i[:, [H, F, G]], j[:, [G, H, F]]
@@ -176,15 +176,15 @@ class ExudynSpace(ExudynSystem):
     def _driver(self, drive: Drive) -> None:
         hold = drive.hold
         markers = self._markers(hold)
-        if drive.kind == Kind.DISTANCE:
+        if drive.kind == JointKind.DISTANCE:
             rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
-            line = Line(hold, ("length",), drive.row, drive.name, rod, 0, 1.0, drive)
-        elif drive.kind == Kind.ANGLE:
+            line = ExudynRow(hold, ("length",), drive.row, drive.name, rod, 0, 1.0, drive)
+        elif drive.kind == JointKind.ANGLE:
             joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
-            line = Line(hold, ("turned",), drive.row, drive.name, joint, 5, 1.0, drive)
-        elif drive.kind == Kind.DISPLACEMENT:
+            line = ExudynRow(hold, ("turned",), drive.row, drive.name, joint, 5, 1.0, drive)
+        elif drive.kind == JointKind.DISPLACEMENT:
             joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
-            line = Line(hold, ("along", H), drive.row, drive.name, joint, 2, 1.0, drive, markers[0])
+            line = ExudynRow(hold, ("along", H), drive.row, drive.name, joint, 2, 1.0, drive, markers[0])
         else:
             raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
         self.lines.append(line)
@@ -267,7 +267,7 @@ class ExudynSpace(ExudynSystem):
         read = self._readings(q, qd, t.tolist())
         return np.stack([-self._bend(line, t, read) for line in self.lines], axis=1)
 
-    def _bend(self, line: Line, t: Array, read: Readings) -> Array:
+    def _bend(self, line: ExudynRow, t: Array, read: Readings) -> Array:
         """Return the second derivatives (B,) of one row."""
         hold = line.hold
         f = [0.0 * t if line.drive is None else law_value(line.drive, t, k) for k in range(3)]

@@ -19,7 +19,7 @@ from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refu
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace, law_value
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
-from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, Kind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, JointKind, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND
@@ -45,8 +45,8 @@ class SpaceModel:
     def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
         self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped
         refuse_without_estimates(scene)
-        twists = [x.name for x in self.numbers.drives if x.kind == Kind.ANGLE and x.hold.kind not in AXIAL]
-        twists += [x.name for x in self.numbers.holds if x.kind == Kind.TWIST]
+        twists = [x.name for x in self.numbers.drives if x.kind == JointKind.ANGLE and x.hold.kind not in AXIAL]
+        twists += [x.name for x in self.numbers.holds if x.kind == JointKind.TWIST]
         if twists:
             raise EngineRefusal(f"exudyn refuses {twists[0]!r}: {NO_TWIST}")
         self.start = np.concatenate([*estimates(scene, self.numbers).values()])
@@ -69,7 +69,7 @@ class SpaceModel:
         drives, t = self.numbers.drives, np.array(scene.times)
         values = np.array([law_value(drive, t, 0) for drive in drives])
         residual = self.model.residual(self.start, scene.times[0])
-        lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == Kind.DISTANCE]
+        lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == JointKind.DISTANCE]
         return replace(stopping_rule(residual, values, lengths, 2.0, "sizes or half rad"), form=FORM)
 
 
@@ -189,7 +189,7 @@ class SpaceEquations(OwnSolver):
             if UNTURNED in ROWS.get(hold.kind, ()) and x[:, 0] @ y[:, 0] < 0.0:
                 raise EngineError(f"it reported success with {hold.name!r} turned by pi")
         for drive in self.numbers.drives:
-            if drive.kind == Kind.ANGLE:
+            if drive.kind == JointKind.ANGLE:
                 x, y = at[drive.hold.body_i] @ drive.hold.frame_i, at[drive.hold.body_j] @ drive.hold.frame_j
                 f = law_value(drive, t, 0)
                 if (np.cos(f) * x[:, 0] + np.sin(f) * x[:, 1]) @ y[:, 0] < 0.0:

@@ -21,7 +21,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
 from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one, solved_rows
-from crosscheck.scenes.workloads import Chain, FourBars, Workload, whole
+from crosscheck.scenes.workloads import FourBars, LoopChain, Workload, whole
 from refkin.model import Scene
 
 MECHANISMS = 200
@@ -57,12 +57,12 @@ def methods() -> Iterator[Method]:
 
 
 def _swept(limit: float, scene: Scene) -> Model:
-    sweep = Sweep(Loops.of(tree_of(scene)), limit)
+    sweep = OneMechanism(Loops.of(tree_of(scene)), limit)
     return Model(sweep.solve, sweep.loops.tree.read)
 
 
 def _batched(limit: float, workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         raise EngineError("not made for chains: mujoco.batch binds no constraint rows, and one pose is no batch")
     if not isinstance(workload, FourBars):
         raise EngineError("made for four-bars: its joint tree is of the plane")
@@ -71,7 +71,7 @@ def _batched(limit: float, workload: Workload, order: int) -> Batch:
         model = _swept(limit, part.scene())
         answers = lambda: [whole(part, np.arange(1), [x[:, None] for x in model.read(model.solve(order))])]  # noqa: E731
         return Batch(lambda: model.solve(order), part.configurations, answers)
-    many = Many(part, limit)
+    many = ManyMechanisms(part, limit)
     return Batch(lambda: many.solve(order), part.configurations, lambda: many.read(many.solve(order)))
 
 
@@ -159,7 +159,7 @@ def _times(matrix: Any, vector: Any) -> Any:
     return (matrix @ vector[..., None])[..., 0]
 
 
-class Sweep:
+class OneMechanism:
     """One mechanism at all times: a few poses one after another, then all at once."""
 
     def __init__(self, loops: Loops, limit: float) -> None:
@@ -227,7 +227,7 @@ class Sweep:
         return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
 
 
-class Many:
+class ManyMechanisms:
     """Many mechanisms of one topology, time after time; places of joints and sites differ."""
 
     def __init__(self, work: FourBars, limit: float) -> None:

@@ -70,7 +70,7 @@ class Plan:
         self.pins: dict[str, joints.Pair] = {joints.GROUND: (0.0, 0.0)}
         self.owners: list[int] = []
         self.sources: list[Source] = []
-        self.guides: list[Guide] = []
+        self.guides: list[LineGuide] = []
         self.spatial: list[int] = []
         self.driven: list[Driven] = []
         for k, edge in enumerate(tree.edges):
@@ -152,7 +152,7 @@ class Plan:
         for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMELINVEL):
             self.spec.add_sensor(name=f"{name} {int(kind)}", type=kind, objname=point, refname=line, **frame)
         self.sources.append(Source(element=e, guide=len(self.guides)))
-        self.guides.append(Guide(e.body_i, line, point, self._connect(point, line)))
+        self.guides.append(LineGuide(e.body_i, line, point, self._connect(point, line)))
 
     def _angle(self, name: str, e: joints.RelativeAngle) -> None:
         """Hold the angle between two bodies by a tendon over the hinges of one and, backwards, of the other."""
@@ -302,7 +302,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Guide:
+class LineGuide:
     """A line along the x axis of site `line` on a body, the site `point`, and the first row of a `connect` of both."""
 
     body: str

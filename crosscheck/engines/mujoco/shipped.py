@@ -19,11 +19,11 @@ from typing import Any, NoReturn
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
-from crosscheck.engines.march import March, one_by_one
+from crosscheck.engines.march import MarchResult, one_by_one
 from crosscheck.engines.mujoco.model import Plan, add_equality, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
-from crosscheck.engines.spatial.reading import Drive, Hold, Kind, in_space, numbers_of
+from crosscheck.engines.spatial.reading import Drive, Hold, JointKind, in_space, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import WIDTH, space_tree
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
@@ -59,7 +59,7 @@ def soft(freedoms: int) -> Term:
     )
 
 
-def stepped(tree: JointTree, scene: Scene) -> March:
+def stepped(tree: JointTree, scene: Scene) -> MarchResult:
     """Return the tree coordinates at all times of a scene.
 
     Raises
@@ -104,14 +104,14 @@ class SpaceSimulation(MujocoSpace):
 
     def __init__(self, system: SpaceSystem) -> None:
         for hold in system.tree.closures:
-            if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE, Kind.DISTANCE):
+            if hold.kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.DISTANCE):
                 _refuse(f"{hold.kind} {hold.name!r}, which closes a loop")
         super().__init__(system.tree, system.places, system.pairs)
         as_shipped(self.model)
         self.braked = np.eye(self.model.nv)
         lines = {body: line for spin in system.tree.numbers.passive for body, (_, line) in spin.items()}
         for edge in system.tree.edges:
-            if edge.kind == Kind.SPHERICAL and edge.body in lines:
+            if edge.kind == JointKind.SPHERICAL and edge.body in lines:
                 line = self.frames[edge.body][1].T @ lines[edge.body]
                 spin = self.model.joint(f"q{self._first[edge.hold]}").dofadr[0] + np.arange(3)
                 self.braked[np.ix_(spin, spin)] -= np.outer(line, line)
@@ -122,31 +122,31 @@ class SpaceSimulation(MujocoSpace):
         pose, violation = _at_rest(self.model, self.columns, self.coordinates(q), self.braked)
         if pose is None:
             return None, violation
-        known = [x for e in self.tree.edges for x in [False] * (e.kind == Kind.SCREW) + [True] * WIDTH[e.kind]]
+        known = [x for e in self.tree.edges for x in [False] * (e.kind == JointKind.SCREW) + [True] * WIDTH[e.kind]]
         return pose[np.array(known, bool)], violation
 
     def _add(self) -> None:
         joints = np.cumsum([0, *(len(JOINTS[edge.kind]) for edge in self.tree.edges)])
         self._first = {edge.hold: int(k) for edge, k in zip(self.tree.edges, joints[:-1], strict=True)}
         for edge in self.tree.edges:
-            if edge.kind == Kind.SCREW:
+            if edge.kind == JointKind.SCREW:
                 slide = self._first[edge.hold]
-                self._tie([0.0, edge.pitch], mujoco.mjtObj.mjOBJ_JOINT, f"q{slide}", f"q{slide + 1}")
+                self._coupling([0.0, edge.pitch], mujoco.mjtObj.mjOBJ_JOINT, f"q{slide}", f"q{slide + 1}")
         for hold in self.tree.closures:
-            if hold.kind == Kind.DISTANCE:
+            if hold.kind == JointKind.DISTANCE:
                 self._hold_length(hold, hold.length)
         self.driven = [(drive, *self._drive(drive)) for drive in self.tree.numbers.drives]
 
     def _drive(self, drive: Drive) -> tuple[int, float]:
         """Return the equality that a driver sets, and the law's value at which the equality's is zero."""
-        if drive.kind == Kind.DISTANCE:
+        if drive.kind == JointKind.DISTANCE:
             return self._hold_length(drive.hold, 0.0), 0.0
         edge = self.tree.edge_of(drive)
         if edge is None:
             _refuse(f"{drive.kind} {drive.name!r}, whose joint closes a loop")
-        turns = drive.kind == Kind.ANGLE and edge.kind in (Kind.CYLINDRICAL, Kind.SCREW)
-        equality = self._tie([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{self._first[edge.hold] + turns}")
-        return equality, edge.shift if edge.kind == Kind.SCREW and not turns else 0.0
+        turns = drive.kind == JointKind.ANGLE and edge.kind in (JointKind.CYLINDRICAL, JointKind.SCREW)
+        equality = self._coupling([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{self._first[edge.hold] + turns}")
+        return equality, edge.shift if edge.kind == JointKind.SCREW and not turns else 0.0
 
     def _hold_length(self, hold: Hold, length: float) -> int:
         """Hold two points at a distance by a tendon, and return its equality."""
@@ -155,9 +155,9 @@ class SpaceSimulation(MujocoSpace):
             u, frame = self.frames[body]
             site = self.bodies[body].add_site(name=f"{tendon.name} {side}", pos=frame.T @ (hold.end(body)[0] - u))
             tendon.wrap_site(site.name)
-        return self._tie([length], mujoco.mjtObj.mjOBJ_TENDON, tendon.name)
+        return self._coupling([length], mujoco.mjtObj.mjOBJ_TENDON, tendon.name)
 
-    def _tie(self, polynomial: list[float], between: Any, *names: str) -> int:
+    def _coupling(self, polynomial: list[float], between: Any, *names: str) -> int:
         kind = mujoco.mjtEq.mjEQ_TENDON if between == mujoco.mjtObj.mjOBJ_TENDON else mujoco.mjtEq.mjEQ_JOINT
         add_equality(self.spec, kind, between, *names).data[: len(polynomial)] = polynomial
         return len(self.spec.equalities) - 1
@@ -171,7 +171,7 @@ def freedoms(mechanism: Mechanism) -> int:
     """Return how many freedoms a mechanism has as a joint tree in MuJoCo."""
     if not in_space(mechanism):
         return joint_tree(mechanism).width
-    return sum(edge.rates + (edge.kind == Kind.SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
+    return sum(edge.rates + (edge.kind == JointKind.SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
 
 
 def _at_rest(model: Any, columns: Array, q: Any, braked: Array) -> tuple[Array | None, float]:

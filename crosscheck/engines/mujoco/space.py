@@ -14,9 +14,9 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
-from crosscheck.engines.spatial.reading import Kind
+from crosscheck.engines.spatial.reading import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine
-from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
+from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import parameters
 from refkin.joints import GROUND
 
@@ -24,14 +24,14 @@ Array = Any
 HINGE, SLIDE, BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
 X, Y, Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
 JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
-    Kind.REVOLUTE: [(HINGE, Z)],
-    Kind.PRISMATIC: [(SLIDE, Z)],
-    Kind.CYLINDRICAL: [(SLIDE, Z), (HINGE, Z)],
-    Kind.SCREW: [(SLIDE, Z), (HINGE, Z)],
-    Kind.UNIVERSAL: [(HINGE, Y), (HINGE, Z)],  # the first axis is that of the parent, QUARTER^T z
-    Kind.SPHERICAL: [(BALL, Z)],
-    Kind.FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
-    Kind.FIXED: [],
+    JointKind.REVOLUTE: [(HINGE, Z)],
+    JointKind.PRISMATIC: [(SLIDE, Z)],
+    JointKind.CYLINDRICAL: [(SLIDE, Z), (HINGE, Z)],
+    JointKind.SCREW: [(SLIDE, Z), (HINGE, Z)],
+    JointKind.UNIVERSAL: [(HINGE, Y), (HINGE, Z)],  # the first axis is that of the parent, QUARTER^T z
+    JointKind.SPHERICAL: [(BALL, Z)],
+    JointKind.FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
+    JointKind.FIXED: [],
 }
 
 
@@ -71,9 +71,9 @@ class MujocoSpace(SpaceEngine):
     def _add(self) -> None:
         """Add nothing more to the specification before it is compiled."""
 
-    def _hang(self, k: int, edge: Edge) -> None:
+    def _hang(self, k: int, edge: SpatialEdge) -> None:
         u, frame = self.frames[edge.parent]
-        turned = edge.frame_parent @ QUARTER if edge.kind == Kind.UNIVERSAL else edge.frame_parent
+        turned = edge.frame_parent @ QUARTER if edge.kind == JointKind.UNIVERSAL else edge.frame_parent
         place, joints = edge.u_parent + edge.frame_parent[:, 2] * edge.shift, JOINTS[edge.kind]
         body = self.bodies[edge.parent].add_body(
             name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(frame.T @ turned), **MASSES[bool(joints)]
@@ -100,7 +100,7 @@ class MujocoSpace(SpaceEngine):
         rows, first = [], 0
         for edge in self.tree.edges:
             own = np.eye(total)[first : first + edge.rates]
-            rows += [edge.pitch * own, own] if edge.kind == Kind.SCREW else [own]
+            rows += [edge.pitch * own, own] if edge.kind == JointKind.SCREW else [own]
             first += edge.rates
         return np.concatenate(rows)
 
@@ -109,7 +109,7 @@ class MujocoSpace(SpaceEngine):
         values: list[float] = []
         for edge in self.tree.edges:
             part = list(q[edge.slot])
-            if edge.kind == Kind.SCREW:
+            if edge.kind == JointKind.SCREW:
                 part = [edge.pitch * part[0], part[0]]
             if edge.turned.stop:
                 p = q[edge.turned]

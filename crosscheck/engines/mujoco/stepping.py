@@ -111,12 +111,12 @@ def _stepping(name: str, setting: Setting, wording: str = "") -> Method:
 
 
 def _stepped(setting: Setting, scene: Scene) -> Model:
-    stepper = Stepper(scene)
+    stepper = MujocoStepper(scene)
     return Model(partial(stepper.solve, setting, stepper.clockwork(setting.steps)), stepper.tree.read)
 
 
 def _relaxed(count: int, scene: Scene) -> Model:
-    stepper = Stepper(scene)
+    stepper = MujocoStepper(scene)
     return Model(partial(stepper.relax, count), stepper.tree.read)
 
 
@@ -125,7 +125,7 @@ def tree_of(scene: Scene) -> Tree:
     return Tree.of(Mujoco(), lambda mechanism: TreeRows(joint_tree(mechanism)), scene)
 
 
-class Stepper:
+class MujocoStepper:
     """A scene in MuJoCo's own dynamics.
 
     Raises

@@ -14,7 +14,7 @@ from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.c_kernels import emitted, geometry_of, library, row_of, rows
 from crosscheck.engines.ours.chains import program_of
 from crosscheck.engines.ours.numpy_methods import of_four_bars
-from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, system_of, whole
+from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, LoopChain, Workload, chunks, system_of, whole
 
 LONG, DOUBLE = ctypes.c_long, ctypes.c_double
 TIMED = 1000
@@ -33,19 +33,19 @@ def methods() -> Iterator[Method]:
 
 
 def _dense(workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         return chains.dense_c(workload)
     return _Call(of_four_bars(workload), _function("dense.c", "dense_march")).batch()
 
 
 def _closed_form(workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         raise EngineError("a closed form has no Newton iteration")
     return _Call(of_four_bars(workload), _function("closed.c", "closed_form")).batch()
 
 
 def _same_program(workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         return chains.same_program(workload)
     work = of_four_bars(workload)
     program, core = program_of(work.scene())
@@ -85,7 +85,7 @@ class _Call:
         given = self.arguments(np.arange(timed.mechanisms))
         one = np.empty((1, len(self.t), 27))  # one mechanism's answers: written over by the next, so no memory is timed
 
-        def pieces() -> Iterator[Piece]:
+        def pieces() -> Iterator[AnswerPiece]:
             for samples in chunks(self.work):
                 out = np.empty((len(samples), len(self.t), 27))
                 self.called(*self.arguments(samples), True, out)

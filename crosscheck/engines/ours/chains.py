@@ -15,7 +15,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch
 from crosscheck.engines.ours.c_kernels import emitted, geometry_of, library, row_of
 from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated, refuse_longer
-from crosscheck.scenes.workloads import Chain, Workload
+from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import GROUND
 from refkin.model import Scene
 from refkin.system import System, compile_system
@@ -29,7 +29,7 @@ REPEATED = 100
 
 def sparse(workload: Workload, order: int) -> Batch:
     """Return the sparse path."""
-    if not isinstance(workload, Chain):
+    if not isinstance(workload, LoopChain):
         raise EngineError("made for chains")
     from refkin.fast import SparseSystem  # here: the methods in C do without the fast paths
     from refkin.fast.sparse import factors
@@ -38,7 +38,7 @@ def sparse(workload: Workload, order: int) -> Batch:
     return iterated(workload, system.system, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
 
 
-def by_program(work: Chain) -> Batch:
+def by_program(work: LoopChain) -> Batch:
     """Return the fast path's program, on a single sample."""
     refuse_longer(work, *OF_PROGRAM)
     program, core = program_of(replace(work.scene, effects=frozenset()))
@@ -63,7 +63,7 @@ def by_program(work: Chain) -> Batch:
     return Batch(lambda: space.run("newton"), 1, answered)
 
 
-def same_program(work: Chain) -> Batch:
+def same_program(work: LoopChain) -> Batch:
     """Return the fast path's program, compiled."""
     refuse_longer(work, *OF_PROGRAM)
     program, core = program_of(replace(work.scene, effects=frozenset()))
@@ -85,7 +85,7 @@ def same_program(work: Chain) -> Batch:
     return Batch(lambda: iterate(REPEATED), REPEATED, answered)
 
 
-def dense_c(work: Chain) -> Batch:
+def dense_c(work: LoopChain) -> Batch:
     """Return dense Newton in C."""
     refuse_longer(work, *OF_DENSE)
     function = library("dense_chain.c").chain_newton
@@ -119,6 +119,6 @@ def program_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
     return answer.made.program, answer.made.core
 
 
-def _system(work: Chain) -> System:
+def _system(work: LoopChain) -> System:
     mechanism = work.scene.mechanism
     return compile_system(mechanism, unit=mechanism.unit())

@@ -11,7 +11,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import SPEED, FourBars, Piece, Workload, chunks, whole
+from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, Workload, chunks, whole
 
 AT_ONCE = 10_000
 """Configurations that are computed at once: their rows stay in the cache."""
@@ -48,7 +48,7 @@ def closed_form(workload: Workload, order: int) -> Batch:
         for start in range(0, work.mechanisms, step):
             four_bar(work.lengths[:, start : start + step, None], phi, SPEED)
 
-    def pieces() -> Iterator[Piece]:
+    def pieces() -> Iterator[AnswerPiece]:
         for samples in chunks(work):
             yield whole(work, samples, four_bar(work.lengths[:, samples, None], phi, SPEED))
 
@@ -71,7 +71,7 @@ def four_bars_by_root(workload: Workload, order: int) -> Batch:
             out[:, :, k] = before
         return out
 
-    def pieces() -> Iterator[Piece]:
+    def pieces() -> Iterator[AnswerPiece]:
         for sample in range(part.mechanisms):
             yield whole(part, np.array([sample]), solved(sample)[:, :, None])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, one_by_one
-from crosscheck.scenes.workloads import Chain, Workload
+from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.analysis import acceleration, estimate_of, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.model import Evidence, Scene
@@ -187,13 +187,13 @@ def _solving(evidence: frozenset[Evidence], scene: Scene) -> Model:
 
 
 def _solved_in_turn(evidence: frozenset[Evidence], workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         raise EngineError("not made for chains: `Newton iteration, dense` is what it does there")
     return one_by_one(partial(_solving, evidence), workload, order, FEW)
 
 
 def _dense_chain(workload: Workload, order: int) -> Batch:
-    if not isinstance(workload, Chain):
+    if not isinstance(workload, LoopChain):
         raise EngineError("made for chains")
     refuse_longer(workload, LONGEST, "a dense solve in Python takes seconds there")
     mechanism, t = workload.scene.mechanism, workload.scene.times[0]
@@ -201,13 +201,13 @@ def _dense_chain(workload: Workload, order: int) -> Batch:
     return iterated(workload, system, lambda q: q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t)))
 
 
-def refuse_longer(work: Chain, longest: int, reason: str) -> None:
+def refuse_longer(work: LoopChain, longest: int, reason: str) -> None:
     """Raise EngineError if a chain has more loops than a method is asked for."""
     if work.windows > longest:
         raise EngineError(f"not for more than {longest} loops: {reason}")
 
 
-def iterated(work: Chain, system: System, step: Callable[[Any], Any]) -> Batch:
+def iterated(work: LoopChain, system: System, step: Callable[[Any], Any]) -> Batch:
     """Return a chain's Newton iteration as a function of scaled coordinates; a few are made to see where they lead."""
     start = system.to_unit(work.start)
 

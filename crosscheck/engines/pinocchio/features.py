@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Switch, route_by
-from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, PlanarModel, absolute_model, shift, tree_model
+from crosscheck.engines.pinocchio.model import WORLD_AXES, PlacedFrame, PlanarModel, absolute_model, shift, tree_model
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
 from refkin.joints import GROUND, Pair, PointsCoincide, RelativeAngle, Unit, elements_of
 from refkin.model import Scene
@@ -168,7 +168,7 @@ class _Anchors:
         self.anchors = [self._anchor(planar.frames, ends) for ends in pins.ends]
         self.states = [anchor.createData() for anchor in self.anchors]
 
-    def _anchor(self, frames: dict[str, Frame], ends: Sequence[Any]) -> Any:
+    def _anchor(self, frames: dict[str, PlacedFrame], ends: Sequence[Any]) -> Any:
         (i, offset), (j, place) = ends
         at = (frames[i].joint, pin.SE3.Identity(), frames[j].joint, shift(place))
         anchor = pin.PointAnchorConstraintModel(self.model, *at)

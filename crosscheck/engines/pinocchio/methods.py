@@ -62,7 +62,7 @@ def stepping_methods() -> Iterator[Method]:
 
 
 def _stepped(rule: Any, stabilised: bool, steps: int, scene: Scene) -> Model:
-    stepper = Stepper(tree_of(scene))
+    stepper = PinocchioStepper(tree_of(scene))
     return Model(partial(stepper.solve, rule, stabilised, stepper.clockwork(steps)), stepper.tree.read)
 
 
@@ -71,7 +71,7 @@ def tree_of(scene: Scene) -> Tree:
     return Tree.of(Pinocchio(), lambda mechanism: PinocchioTree(joint_tree(mechanism, massless_links=True)), scene)
 
 
-class Stepper:
+class PinocchioStepper:
     """A scene in Pinocchio's constrained dynamics.
 
     Raises

@@ -39,16 +39,16 @@ Target = tuple[Any, Array]
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlacedFrame:
     """A frame fixed to a joint of the model: the joint's id, and the frame's placement in the joint's."""
 
     joint: int
     placement: Any
 
-    def at(self, u: Pair, direction: Pair = (1.0, 0.0)) -> Frame:
+    def at(self, u: Pair, direction: Pair = (1.0, 0.0)) -> PlacedFrame:
         """Return the frame at a point of this one, its x axis along a unit vector."""
         placement = self.placement * shift(u)
-        return Frame(self.joint, placement if direction == (1.0, 0.0) else placement * turn(direction))
+        return PlacedFrame(self.joint, placement if direction == (1.0, 0.0) else placement * turn(direction))
 
 
 @dataclass
@@ -56,7 +56,7 @@ class PlanarModel:
     """A model, the frame of each body in it, and the angle of each body with its turns as a function of q."""
 
     model: Any
-    frames: dict[str, Frame]
+    frames: dict[str, PlacedFrame]
     angle: Callable[[str, Array], float]
 
     def __post_init__(self) -> None:
@@ -100,21 +100,21 @@ class PlanarModel:
         """Return the shape of a Jacobian: Pinocchio hands over a single column as a vector."""
         return (rows,) if self.model.nv == 1 else (rows, self.model.nv)
 
-    def point_jacobian(self, frame: Frame) -> Callable[[], Array]:
+    def point_jacobian(self, frame: PlacedFrame) -> Callable[[], Array]:
         """Return what reads the Jacobian of a placed frame, its shape `columns(6)`."""
         if self.model.nv == 0:  # Pinocchio ends the process with a segmentation fault
             return partial(np.zeros, (6, 0))
         return partial(pin.getFrameJacobian, self.model, self.data, frame.joint, frame.placement, WORLD_AXES)
 
-    def point_velocity(self, frame: Frame) -> Callable[[], Array]:
+    def point_velocity(self, frame: PlacedFrame) -> Callable[[], Array]:
         """Return what reads the velocity (3,) of a moving frame's point."""
         return self._linear(pin.getFrameVelocity, frame)
 
-    def point_acceleration(self, frame: Frame) -> Callable[[], Array]:
+    def point_acceleration(self, frame: PlacedFrame) -> Callable[[], Array]:
         """Return what reads the acceleration (3,) of a moving frame's point: the classical one, not the spatial one."""
         return self._linear(pin.getFrameClassicalAcceleration, frame)
 
-    def _linear(self, motion: Callable[..., Any], frame: Frame) -> Callable[[], Array]:
+    def _linear(self, motion: Callable[..., Any], frame: PlacedFrame) -> Callable[[], Array]:
         model, data, joint, placement = self.model, self.data, frame.joint, frame.placement
         return lambda: motion(model, data, joint, placement, WORLD_AXES).linear
 
@@ -125,7 +125,7 @@ class Points:
     Pinocchio states motions in the joint's own axes, the linear part first; reading a point's costs ten times as much.
     """
 
-    def __init__(self, planar: PlanarModel, frames: Sequence[Frame] = ()) -> None:
+    def __init__(self, planar: PlanarModel, frames: Sequence[PlacedFrame] = ()) -> None:
         self._nv, self._columns = planar.model.nv, planar.columns(6)
         self._slopes = [planar.point_jacobian(frame) for frame in frames]
         joints = list(dict.fromkeys(frame.joint for frame in frames))
@@ -189,9 +189,9 @@ def unit_vector(angle: float) -> Pair:
 def absolute_model(bodies: Sequence[str]) -> PlanarModel:
     """Return the model whose q is (x, y, phi) of each body in turn."""
     model = pin.Model()
-    frames = {GROUND: Frame(0, pin.SE3.Identity())}
+    frames = {GROUND: PlacedFrame(0, pin.SE3.Identity())}
     for body in bodies:
-        frames[body] = Frame(_free_joint(model, body, frames[GROUND]), pin.SE3.Identity())
+        frames[body] = PlacedFrame(_free_joint(model, body, frames[GROUND]), pin.SE3.Identity())
     columns = {body: 3 * k + 2 for k, body in enumerate(bodies)}
     return PlanarModel(model, frames, lambda body, q: 0.0 if body == GROUND else float(q[columns[body]]))
 
@@ -199,28 +199,28 @@ def absolute_model(bodies: Sequence[str]) -> PlanarModel:
 def tree_model(tree: JointTree) -> PlanarModel:
     """Return the model whose q is that of a joint tree."""
     model = pin.Model()
-    frames = {GROUND: Frame(0, pin.SE3.Identity())}
+    frames = {GROUND: PlacedFrame(0, pin.SE3.Identity())}
     for edge in tree.edges:
         frames[edge.body] = _hang(model, edge, frames[edge.parent])
     return PlanarModel(model, frames, tree.angle)
 
 
-def _hang(model: Any, edge: Edge, parent: Frame) -> Frame:
+def _hang(model: Any, edge: Edge, parent: PlacedFrame) -> PlacedFrame:
     """Add the joint of an edge and return the body's frame, which lies away from the joint's by the pin."""
     place = parent.at(edge.point, unit_vector(edge.angle))
     back = shift((-edge.pin[0], -edge.pin[1]))
     if edge.freedom is Freedom.NONE:
-        return Frame(place.joint, place.placement * back)
+        return PlacedFrame(place.joint, place.placement * back)
     if edge.freedom is Freedom.FREE:
-        return Frame(_free_joint(model, edge.body, place), back)
+        return PlacedFrame(_free_joint(model, edge.body, place), back)
     if edge.freedom is Freedom.TURN:
         joint = pin.JointModelRZ()
     else:
         joint = pin.JointModelPrismaticUnaligned(np.array([*edge.axis, 0.0]))
-    return Frame(model.addJoint(place.joint, joint, place.placement, edge.body), back)
+    return PlacedFrame(model.addJoint(place.joint, joint, place.placement, edge.body), back)
 
 
-def _free_joint(model: Any, body: str, place: Frame) -> int:
+def _free_joint(model: Any, body: str, place: PlacedFrame) -> int:
     joint, placement = place.joint, place.placement
     for kind in (pin.JointModelPX, pin.JointModelPY, pin.JointModelRZ):
         joint = model.addJoint(joint, kind(), placement, f"{body} {kind.__name__}")

@@ -18,7 +18,7 @@ from crosscheck.engines import EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point, unwrap_near
 from crosscheck.engines.pinocchio.model import (
     WORLD_AXES,
-    Frame,
+    PlacedFrame,
     PlanarModel,
     Points,
     Read,
@@ -30,7 +30,7 @@ from crosscheck.scenes.names import QUANTITIES
 from refkin.joints import Element, GuidedPoint, PointsCoincide, RelativeAngle
 
 
-class Row(Protocol):
+class PinocchioRows(Protocol):
     """Rows of one of Pinocchio's constraints: what is read of it at a pose, in turn, and what that says of the rows.
 
     Attributes
@@ -56,12 +56,12 @@ class Row(Protocol):
         """Return first or second derivatives (B, count) of the residuals, from what was read."""
 
 
-class TwoPoints(Row):
+class TwoPoints(PinocchioRows):
     """r_j - r_i, along the axes of the ground."""
 
     count = 2
 
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
+    def __init__(self, planar: PlanarModel, i: PlacedFrame, j: PlacedFrame) -> None:
         model, data = planar.model, planar.data
         ends = (j.joint, j.placement, i.joint, i.placement)
         constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, WORLD_AXES)
@@ -85,7 +85,7 @@ class TwoPoints(Row):
         return parts[0][:, :2] - parts[1][:, :2]
 
 
-class Anchor(Row):
+class Anchor(PinocchioRows):
     """One component of an anchor constraint of so many: frame 2 as it is seen from frame 1."""
 
     count = 1
@@ -93,7 +93,7 @@ class Anchor(Row):
     components: int
     kind: Any
 
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
+    def __init__(self, planar: PlanarModel, i: PlacedFrame, j: PlacedFrame) -> None:
         model, data = planar.model, planar.data
         anchor = self.kind(model, i.joint, i.placement, j.joint, j.placement)
         of_pose = anchor.createData()
@@ -147,7 +147,7 @@ class EqualAngles(Anchor):
     component, components = 5, 6
     kind = pin.FrameAnchorConstraintModel
 
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame, held: RelativeAngle) -> None:
+    def __init__(self, planar: PlanarModel, i: PlacedFrame, j: PlacedFrame, held: RelativeAngle) -> None:
         super().__init__(planar, i, j)
         angles = [
             planar.angle(held.body_j, q) - planar.angle(held.body_i, q) for q in np.eye(1 + planar.model.nv)[:, 1:]
@@ -162,7 +162,7 @@ class EqualAngles(Anchor):
         return np.array(angles)[:, None]
 
 
-def _element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
+def _element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> PinocchioRows:
     """Return the rows of one element, in its own order.
 
     Raises

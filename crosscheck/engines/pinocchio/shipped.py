@@ -16,9 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
-from crosscheck.engines.march import March, one_by_one
+from crosscheck.engines.march import MarchResult, one_by_one
 from crosscheck.engines.pinocchio.model import shift, tree_model, turn, unit_vector
-from crosscheck.engines.spatial.reading import Drive, Kind
+from crosscheck.engines.spatial.reading import Drive, JointKind
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
@@ -41,7 +41,7 @@ STOP = Term(
 )
 
 
-def closed_chain(tree: JointTree, scene: Scene) -> March:
+def closed_chain(tree: JointTree, scene: Scene) -> MarchResult:
     """Return the tree coordinates at all times of a scene.
 
     Raises
@@ -107,7 +107,7 @@ class SpaceExample:
         self.model, tree = self.space.model, system.tree
         self.drives = [(drive, self._joint(tree.edge_of(drive), drive)) for drive in tree.numbers.drives]
         for hold in tree.closures:
-            if hold.kind not in (Kind.SPHERICAL, Kind.REVOLUTE):
+            if hold.kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
                 _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")
         ends = [(*self.space.frames[j], *self.space.frames[i]) for i, j in system.pairs]
         loops = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places) for places in ends]
@@ -123,15 +123,15 @@ class SpaceExample:
 
     def _joint(self, edge: Any, drive: Drive) -> int:
         """Return the joint that a driver holds."""
-        if edge is None or edge.parent != GROUND or edge.kind not in (Kind.REVOLUTE, Kind.PRISMATIC):
+        if edge is None or edge.parent != GROUND or edge.kind not in (JointKind.REVOLUTE, JointKind.PRISMATIC):
             _refuse(f"{drive.kind} {drive.name!r}", "it holds no joint by which a body hangs on the ground")
         return int(self.space.bodies[edge.body][0])
 
     def _held(self, t: float) -> list[Any]:
         return [self._at(joint, drive.kind, float(drive.law(t)) / drive.size) for drive, joint in self.drives]
 
-    def _at(self, joint: int, kind: Kind, value: float) -> Any:
-        moved = turn(unit_vector(value)) if kind == Kind.ANGLE else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
+    def _at(self, joint: int, kind: JointKind, value: float) -> Any:
+        moved = turn(unit_vector(value)) if kind == JointKind.ANGLE else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
         ends = (joint, pin.SE3.Identity(), 0, self.model.jointPlacements[joint] * moved)
         return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, self.model, *ends)
 

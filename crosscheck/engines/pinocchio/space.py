@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
-from crosscheck.engines.spatial.reading import Kind
+from crosscheck.engines.spatial.reading import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine
-from crosscheck.engines.spatial.tree import QUARTER, Edge, SpaceTree
+from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from refkin.joints import GROUND
 
 Array = Any
@@ -40,7 +40,7 @@ class PinocchioSpace(SpaceEngine):
         self.contacts = [constraint.createData() for constraint in self.constraints]
         self._rest = np.zeros(self.model.nv)
 
-    def _hang(self, edge: Edge) -> tuple[int, Any]:
+    def _hang(self, edge: SpatialEdge) -> tuple[int, Any]:
         """Add the joints of an edge; return the last of them, and the body's frame in it."""
         joint, at = self.bodies[edge.parent]
         place = at * pin.SE3(edge.frame_parent, edge.u_parent)
@@ -48,7 +48,7 @@ class PinocchioSpace(SpaceEngine):
             joint = self.model.addJoint(joint, kind, place * before, f"{edge.body} {self.model.njoints}")
             place = pin.SE3.Identity()
         back = pin.SE3(edge.frame_body, edge.u_body).inverse()
-        return (joint, back) if edge.kind != Kind.FIXED else (joint, place * back)
+        return (joint, back) if edge.kind != JointKind.FIXED else (joint, place * back)
 
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
         model, data, nv = self.model, self.data, self.model.nv
@@ -86,19 +86,19 @@ class PinocchioSpace(SpaceEngine):
         return out
 
 
-def _joints(edge: Edge) -> list[tuple[Any, Any]]:
+def _joints(edge: SpatialEdge) -> list[tuple[Any, Any]]:
     """Return Pinocchio's joints of an edge, each with what lies before it."""
     here, turned = pin.SE3.Identity(), pin.SE3(QUARTER, np.zeros(3))
     z = np.array([0.0, 0.0, 1.0])
-    if edge.kind == Kind.SCREW:
+    if edge.kind == JointKind.SCREW:
         return [(pin.JointModelHelicalUnaligned(z, edge.pitch), pin.SE3(np.eye(3), z * edge.shift))]
     kinds: dict[str, list[tuple[Any, Any]]] = {
-        Kind.REVOLUTE: [(pin.JointModelRZ(), here)],
-        Kind.PRISMATIC: [(pin.JointModelPZ(), here)],
-        Kind.CYLINDRICAL: [(pin.JointModelPZ(), here), (pin.JointModelRZ(), here)],
-        Kind.UNIVERSAL: [(pin.JointModelRZ(), here), (pin.JointModelRZ(), turned)],
-        Kind.SPHERICAL: [(pin.JointModelSpherical(), here)],
-        Kind.FREE: [(pin.JointModelTranslation(), here), (pin.JointModelSpherical(), here)],
-        Kind.FIXED: [],
+        JointKind.REVOLUTE: [(pin.JointModelRZ(), here)],
+        JointKind.PRISMATIC: [(pin.JointModelPZ(), here)],
+        JointKind.CYLINDRICAL: [(pin.JointModelPZ(), here), (pin.JointModelRZ(), here)],
+        JointKind.UNIVERSAL: [(pin.JointModelRZ(), here), (pin.JointModelRZ(), turned)],
+        JointKind.SPHERICAL: [(pin.JointModelSpherical(), here)],
+        JointKind.FREE: [(pin.JointModelTranslation(), here), (pin.JointModelSpherical(), here)],
+        JointKind.FIXED: [],
     }
     return kinds[edge.kind]

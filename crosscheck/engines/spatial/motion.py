@@ -16,8 +16,8 @@ import numpy as np
 
 from crosscheck.engines import ConstraintModel, Level, Term
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.march import Closing, March, march, one_by_one
-from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Kind, Numbers, numbers_of
+from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
+from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, JointKind, Numbers, numbers_of
 from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
@@ -71,7 +71,7 @@ class SpaceScene:
         """Return the tree's coordinates nearest the estimates."""
         return self.system.start(self.scene.times[0])
 
-    def motion(self, poses: March, producer: Producer) -> Motion:
+    def motion(self, poses: MarchResult, producer: Producer) -> Motion:
         """Return what the scene wants of tree coordinates that were found in whatever way, at the levels they have."""
         levels = _levels(self.system, poses.levels)
         return reported(self.scene, self.numbers, levels, poses.status, producer, residual=poses.residual)
@@ -252,13 +252,13 @@ def _maps(meeting: Sequence[Hold], welded: Sequence[Hold], factor: float) -> lis
 
 
 _AXES = {0: 0, 1: 1}
-ROTATIONS: dict[Kind, dict[int, int]] = {
+ROTATIONS: dict[JointKind, dict[int, int]] = {
     **dict.fromkeys(AXIAL, _AXES),
-    Kind.REVOLUTE: {0: 3, 1: 4},
-    Kind.FIXED: {0: 3, 1: 4, 2: 5},
-    Kind.PRISMATIC: _AXES | {2: 4},
-    Kind.ORIENTATION: _AXES | {2: 2},
-    Kind.TURN: {2: 0},
-    Kind.TWIST: {2: 0},
+    JointKind.REVOLUTE: {0: 3, 1: 4},
+    JointKind.FIXED: {0: 3, 1: 4, 2: 5},
+    JointKind.PRISMATIC: _AXES | {2: 4},
+    JointKind.ORIENTATION: _AXES | {2: 2},
+    JointKind.TURN: {2: 0},
+    JointKind.TWIST: {2: 0},
 }
 """Rotation of a weld -> which of a joint's rows it is."""

@@ -30,20 +30,20 @@ def spins(bodies: Sequence[str], holds: Sequence[Any], drives: Sequence[Any]) ->
     holds, drives : sequence of Hold, of Drive
         As `Numbers` has them.
     """
-    ties = [*((hold, hold.kind) for hold in holds), *((drive.hold, drive.kind + "?") for drive in drives)]
+    pairs = [*((hold, hold.kind) for hold in holds), *((drive.hold, drive.kind + "?") for drive in drives)]
     taken = set[str]()
     for body in bodies:
         if body in taken:
             continue
-        for line in _lines(body, ties):
-            group = _group(body, line, ties)
+        for line in _lines(body, pairs):
+            group = _group(body, line, pairs)
             if group is not None:
                 taken |= group.keys()
                 yield {name: group[name] for name in bodies if name in group}
                 break
 
 
-def _group(body: str, line: Line, ties: Sequence[Any]) -> dict[str, Line] | None:
+def _group(body: str, line: Line, pairs: Sequence[Any]) -> dict[str, Line] | None:
     """Return what turns with a body about a line of it, at least two joints holding all of it; None if something fails.
 
     A body on one joint alone has no driver, which is another matter.
@@ -51,7 +51,7 @@ def _group(body: str, line: Line, ties: Sequence[Any]) -> dict[str, Line] | None
     group, todo = {body: line}, [body]
     while todo:
         here = todo.pop()
-        own = [(hold, kind) for hold, kind in ties if here in hold.bodies]
+        own = [(hold, kind) for hold, kind in pairs if here in hold.bodies]
         for hold, kind in own:
             other = hold.other(here)
             if other in group or not _feels(hold, kind, here, group[here]):
@@ -62,7 +62,7 @@ def _group(body: str, line: Line, ties: Sequence[Any]) -> dict[str, Line] | None
                 return None
             group[other] = known[0]
             todo.append(other)
-    outer = {hold.name for hold, _ in ties if len(group.keys() & {*hold.bodies}) == 1}
+    outer = {hold.name for hold, _ in pairs if len(group.keys() & {*hold.bodies}) == 1}
     return group if len(outer) > 1 else None
 
 
@@ -93,9 +93,9 @@ def _in_other(hold: Any, body: str, line: Line) -> Line | None:
     return None
 
 
-def _lines(body: str, ties: Sequence[Any]) -> Iterator[Line]:
+def _lines(body: str, pairs: Sequence[Any]) -> Iterator[Line]:
     """Yield lines through two points of a body, or one point along an axis, also of bodies fixed to it."""
-    ends = list(_ends(body, ties, {body}))
+    ends = list(_ends(body, pairs, {body}))
     for p, q in permutations([u for u, _ in ends], 2):
         if np.linalg.norm(q - p) > 1e-9 * np.linalg.norm(p):
             yield p, (q - p) / np.linalg.norm(q - p)
@@ -103,8 +103,8 @@ def _lines(body: str, ties: Sequence[Any]) -> Iterator[Line]:
         yield p, axis
 
 
-def _ends(body: str, ties: Sequence[Any], seen: set[str]) -> Iterator[Line]:
-    for hold, kind in ties:
+def _ends(body: str, pairs: Sequence[Any], seen: set[str]) -> Iterator[Line]:
+    for hold, kind in pairs:
         if body not in hold.bodies:
             continue
         u, frame = hold.end(body)
@@ -112,7 +112,7 @@ def _ends(body: str, ties: Sequence[Any], seen: set[str]) -> Iterator[Line]:
             yield u, frame[:, 2]
         elif hold.other(body) not in seen | {GROUND}:
             seen.add(hold.other(body))
-            for end in _ends(hold.other(body), ties, seen):
+            for end in _ends(hold.other(body), pairs, seen):
                 yield _in_other(hold, hold.other(body), end)  # type: ignore[misc]  # a fixed joint has it anywhere
 
 

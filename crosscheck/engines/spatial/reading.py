@@ -23,7 +23,7 @@ from refkin.motion import Route
 from refkin.motion_laws import Law
 
 
-class Kind(StrEnum):
+class JointKind(StrEnum):
     """What a joint is, or a part of one (`SHAPES`); what a driver moves (`DRIVEN`); or that nothing holds a body."""
 
     SPHERICAL = "spherical"
@@ -68,32 +68,32 @@ class Kind(StrEnum):
     """A joint of which nothing is known but its bodies."""
 
 
-MEETING = frozenset({Kind.SPHERICAL, Kind.REVOLUTE, Kind.UNIVERSAL, Kind.FIXED})
+MEETING = frozenset({JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL, JointKind.FIXED})
 """Joints whose two points are one."""
-SHAPES: Mapping[tuple[type[joints.Element], ...], Kind] = {
-    (joints.PointsMeet,): Kind.SPHERICAL,
-    (joints.PointsMeet, joints.AxesParallel): Kind.REVOLUTE,
-    (joints.AxesParallel, joints.PointOnAxis): Kind.CYLINDRICAL,
-    (joints.AxesParallel, joints.PointOnAxis, joints.TurnAboutAxis): Kind.PRISMATIC,
-    (joints.PointsMeet, joints.AxesPerpendicular): Kind.UNIVERSAL,
-    (joints.PointsMeet, joints.AxesParallel, joints.TurnAboutAxis): Kind.FIXED,
-    (joints.AxesParallel, joints.PointOnAxis, joints.ScrewMotion): Kind.SCREW,
-    (joints.SpatialPointDistance,): Kind.DISTANCE,
-    (joints.AxesParallel,): Kind.PARALLEL,
-    (joints.AxesPerpendicular,): Kind.PERPENDICULAR,
-    (joints.PointInPlane,): Kind.ON_PLANE,
-    (joints.PointOnAxis,): Kind.ON_LINE,
-    (joints.AxesParallel, joints.TurnAboutAxis): Kind.ORIENTATION,
-    (joints.TurnAboutAxis,): Kind.TWIST,
-    (joints.ScrewMotion,): Kind.THREAD,
+SHAPES: Mapping[tuple[type[joints.Element], ...], JointKind] = {
+    (joints.PointsMeet,): JointKind.SPHERICAL,
+    (joints.PointsMeet, joints.AxesParallel): JointKind.REVOLUTE,
+    (joints.AxesParallel, joints.PointOnAxis): JointKind.CYLINDRICAL,
+    (joints.AxesParallel, joints.PointOnAxis, joints.TurnAboutAxis): JointKind.PRISMATIC,
+    (joints.PointsMeet, joints.AxesPerpendicular): JointKind.UNIVERSAL,
+    (joints.PointsMeet, joints.AxesParallel, joints.TurnAboutAxis): JointKind.FIXED,
+    (joints.AxesParallel, joints.PointOnAxis, joints.ScrewMotion): JointKind.SCREW,
+    (joints.SpatialPointDistance,): JointKind.DISTANCE,
+    (joints.AxesParallel,): JointKind.PARALLEL,
+    (joints.AxesPerpendicular,): JointKind.PERPENDICULAR,
+    (joints.PointInPlane,): JointKind.ON_PLANE,
+    (joints.PointOnAxis,): JointKind.ON_LINE,
+    (joints.AxesParallel, joints.TurnAboutAxis): JointKind.ORIENTATION,
+    (joints.TurnAboutAxis,): JointKind.TWIST,
+    (joints.ScrewMotion,): JointKind.THREAD,
 }
 """What a joint of these elements is, in whatever order it has them; its rows are those of the elements in this one."""
 LARGEST_FIRST = sorted(SHAPES.items(), key=lambda shape: -len(shape[0]))
 KEYS = ("point_i", "point_j", "axis_i", "axis_j", "zero_i", "zero_j")
-DRIVEN: Mapping[type[joints.Element], Kind] = {
-    joints.TurnAboutAxis: Kind.ANGLE,
-    joints.ShiftAlongAxis: Kind.DISPLACEMENT,
-    joints.SpatialPointDistance: Kind.DISTANCE,
+DRIVEN: Mapping[type[joints.Element], JointKind] = {
+    joints.TurnAboutAxis: JointKind.ANGLE,
+    joints.ShiftAlongAxis: JointKind.DISPLACEMENT,
+    joints.SpatialPointDistance: JointKind.DISTANCE,
 }
 """What a driver of this element moves."""
 F, G, H = 0, 1, 2
@@ -101,14 +101,14 @@ SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
 ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
 UNTURNED, CROSSED = ("dot", F, G), ("dot", H, H)
 ROWS: dict[str, tuple[Any, ...]] = {
-    **dict.fromkeys((Kind.CYLINDRICAL, Kind.SCREW), SAME + ON_AXIS),
-    Kind.PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
-    **dict.fromkeys((Kind.FIXED, Kind.ORIENTATION), (*SAME, UNTURNED)),
-    Kind.TURN: (UNTURNED,),
-    Kind.PARALLEL: SAME,
-    Kind.ON_LINE: ON_AXIS,
-    Kind.ON_PLANE: (("along", H),),
-    **dict.fromkeys((Kind.UNIVERSAL, Kind.PERPENDICULAR), (CROSSED,)),
+    **dict.fromkeys((JointKind.CYLINDRICAL, JointKind.SCREW), SAME + ON_AXIS),
+    JointKind.PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
+    **dict.fromkeys((JointKind.FIXED, JointKind.ORIENTATION), (*SAME, UNTURNED)),
+    JointKind.TURN: (UNTURNED,),
+    JointKind.PARALLEL: SAME,
+    JointKind.ON_LINE: ON_AXIS,
+    JointKind.ON_PLANE: (("along", H),),
+    **dict.fromkeys((JointKind.UNIVERSAL, JointKind.PERPENDICULAR), (CROSSED,)),
 }
 """What single axes hold of a joint beside points that meet, in the order of its rows.
 
@@ -118,9 +118,9 @@ AXIAL = frozenset(kind for shape, kind in SHAPES.items() if joints.AxesParallel 
 """Joints whose two axes have one direction."""
 COUNTED = frozenset(kind for shape, kind in SHAPES.items() if joints.ScrewMotion in shape)
 """Joints whose turns count."""
-MOVED: Mapping[Kind, tuple[Kind, ...]] = {
-    Kind.ANGLE: (Kind.REVOLUTE, Kind.CYLINDRICAL, Kind.SCREW),
-    Kind.DISPLACEMENT: (Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.SCREW),
+MOVED: Mapping[JointKind, tuple[JointKind, ...]] = {
+    JointKind.ANGLE: (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW),
+    JointKind.DISPLACEMENT: (JointKind.PRISMATIC, JointKind.CYLINDRICAL, JointKind.SCREW),
 }
 """Of which joints a driver moves a coordinate."""
 
@@ -142,7 +142,7 @@ class Hold:
     """
 
     name: str
-    kind: Kind
+    kind: JointKind
     rows: tuple[int, ...] = ()
     body_i: str
     body_j: str
@@ -173,7 +173,7 @@ class Drive:
     """A driver: an angle or a displacement of a joint, or the distance of two points, follows a law over `size`."""
 
     name: str
-    kind: Kind
+    kind: JointKind
     hold: Hold
     law: Any
     size: float = 1.0
@@ -229,7 +229,7 @@ class Given:
     """
 
     name: str
-    kind: Kind
+    kind: JointKind
     rows: tuple[int, ...]
     bodies: tuple[str, str]
     points: tuple[Any, Any]
@@ -253,7 +253,7 @@ def given(mechanism: Mechanism) -> Iterator[Given]:
         elements: list[Any] = list(joints.elements_of([constraint]))
         for e in elements or [constraint]:
             if e is constraint or (e.laws and type(e) not in DRIVEN):
-                yield _given(constraint.name, Kind.OTHER, [e], "")
+                yield _given(constraint.name, JointKind.OTHER, [e], "")
             elif e.laws:
                 own = constraint.name if len(elements) > 1 else ""  # a joint with a motor
                 yield _given(constraint.name, DRIVEN[type(e)], [e], getattr(constraint, "joint", own))
@@ -261,7 +261,7 @@ def given(mechanism: Mechanism) -> Iterator[Given]:
             yield _given(constraint.name, kind, part, "")
 
 
-def parts(elements: Sequence[Any]) -> Iterator[tuple[Kind, list[Any]]]:
+def parts(elements: Sequence[Any]) -> Iterator[tuple[JointKind, list[Any]]]:
     """Yield what elements are, and which, each once: the largest of `SHAPES` first, whatever order they come in."""
     left = list(elements)
     for shape, kind in LARGEST_FIRST:
@@ -271,9 +271,9 @@ def parts(elements: Sequence[Any]) -> Iterator[tuple[Kind, list[Any]]]:
             if (group := next(filter(_alike, groups), None)) is None:
                 break
             left = [e for e in left if not any(e is own for own in group)]
-            tied = kind is Kind.TWIST and any(_keeps_parallel(e, *group) for e in elements)
-            yield Kind.TURN if tied else kind, list(group)
-    yield from ((Kind.OTHER, [e]) for e in left)
+            tied = kind is JointKind.TWIST and any(_keeps_parallel(e, *group) for e in elements)
+            yield JointKind.TURN if tied else kind, list(group)
+    yield from ((JointKind.OTHER, [e]) for e in left)
 
 
 def _keeps_parallel(e: Any, turn: Any) -> bool:
@@ -287,7 +287,7 @@ def _alike(group: Sequence[Any]) -> bool:
     return len(group) == 1 or all(len({*values} - {None}) < 2 for values in zip(*said, strict=True))
 
 
-def _given(name: str, kind: Kind, elements: list[Any], joint: str) -> Given:
+def _given(name: str, kind: JointKind, elements: list[Any], joint: str) -> Given:
     def said(key: str) -> tuple[Any, Any]:
         values = ([getattr(e, f"{key}_{side}", None) for e in elements] for side in "ij")
         one, other = (next((v for v in group if v is not None), None) for group in values)
@@ -322,7 +322,7 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
             kind=g.kind,
             hold=next(_moved(g, whole), None) or _hold(replace(g, name=g.joint or g.name), unit.size, origin),
             law=g.laws[0],
-            size=1.0 if g.kind == Kind.ANGLE else unit.size,
+            size=1.0 if g.kind == JointKind.ANGLE else unit.size,
             row=g.rows[0],
         )
         for g in every

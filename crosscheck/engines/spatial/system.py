@@ -31,7 +31,7 @@ import numpy as np
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
-from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold, Kind
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold, JointKind
 from crosscheck.engines.spatial.tree import SpaceTree
 from crosscheck.engines.spatial.turning import about_z
 
@@ -125,34 +125,34 @@ class SpaceSystem(Equations):
         return self._place(i[0], i[1] + along * i[2][:, 2], i[2]), self._place(j[0], j[1] + along * j[2][:, 2], j[2])
 
     def _close(self, hold: Hold) -> None:
-        if hold.kind == Kind.OTHER:
+        if hold.kind == JointKind.OTHER:
             raise EngineRefusal(f"{hold.name!r}: no equations here for an element that it consists of")
         i, j = self._ends(hold)
         if hold.kind in MEETING:
             self.pairs.append((i, j))
-        if hold.kind == Kind.REVOLUTE:
+        if hold.kind == JointKind.REVOLUTE:
             self.pairs.append(self._ends(hold, 1.0))
         for what, a, *b in sorted(ROWS.get(hold.kind, ()), key=lambda row: row[0] != "dot"):
             self._rows.append((_dot(i, a, j, *b) if what == "dot" else _along(i, a, j), (0.0, 0.0, 0.0)))
-        if hold.kind == Kind.DISTANCE:
+        if hold.kind == JointKind.DISTANCE:
             self._rows.append((_distance(i, j), (hold.length, 0.0, 0.0)))
-        if hold.kind == Kind.TWIST:
+        if hold.kind == JointKind.TWIST:
             self._rows.append((_twist(i, j), (0.0, 0.0, 0.0)))
         if hold.kind in COUNTED:
             self._rows.append((_thread(i, j, hold.pitch), (hold.shift, 0.0, 0.0)))
 
     def _drive(self, drive: Drive) -> Any:
         """Return the coordinate that a driver moves, with factor and shift, or its row."""
-        if drive.kind == Kind.OTHER:
+        if drive.kind == JointKind.OTHER:
             raise EngineRefusal(f"{drive.name!r}: no equations here for an element that it consists of")
         edge = self.tree.edge_of(drive)
         if edge is None:
             i, j = self._ends(drive.hold)
             turned = _angle if drive.hold.kind in AXIAL else _twist
-            return {Kind.DISTANCE: _distance, Kind.ANGLE: turned}.get(drive.kind, _shift)(i, j)
-        if edge.kind == Kind.SCREW and drive.kind != Kind.ANGLE:
+            return {JointKind.DISTANCE: _distance, JointKind.ANGLE: turned}.get(drive.kind, _shift)(i, j)
+        if edge.kind == JointKind.SCREW and drive.kind != JointKind.ANGLE:
             return edge.first, edge.pitch, edge.shift
-        column = edge.first + (1 if edge.kind == Kind.CYLINDRICAL and drive.kind == Kind.ANGLE else 0)
+        column = edge.first + (1 if edge.kind == JointKind.CYLINDRICAL and drive.kind == JointKind.ANGLE else 0)
         return column, 1.0, 0.0
 
     def start(self, t: float) -> Array:
@@ -162,14 +162,14 @@ class SpaceSystem(Equations):
         """
         q = self.tree.start()
         for drive, law, what in self._driven:
-            if drive.kind == Kind.ANGLE and drive.hold.kind != Kind.SCREW and not callable(what):
+            if drive.kind == JointKind.ANGLE and drive.hold.kind != JointKind.SCREW and not callable(what):
                 q[what[0]] += math.tau * round((law(t, 0) - q[what[0]]) / math.tau)
         return q
 
     # rows
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        parts = [self._at(*lane) for lane in zip(q, t.tolist(), strict=True)]
+        parts = [self._at(*sample) for sample in zip(q, t.tolist(), strict=True)]
         residual, jacobian = (np.array(part) for part in zip(*parts, strict=True))
         return residual, jacobian
 
@@ -210,7 +210,7 @@ class SpaceSystem(Equations):
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        return np.array([self._bend(*lane) for lane in zip(q, qd, t.tolist(), strict=True)])
+        return np.array([self._bend(*sample) for sample in zip(q, qd, t.tolist(), strict=True)])
 
     def _bend(self, q: Array, qd: Array, t: float) -> Array:
         still = self.engine.still(q)

@@ -16,17 +16,25 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError
-from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, Kind, Numbers
+from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, JointKind, Numbers
 from crosscheck.engines.spatial.turning import about_z, body_columns, matrix, parameters
 from refkin.joints import GROUND
 
 WIDTH = {
-    **dict.fromkeys((Kind.REVOLUTE, Kind.PRISMATIC, Kind.SCREW), 1),
-    **dict.fromkeys((Kind.CYLINDRICAL, Kind.UNIVERSAL), 2),
-    **{Kind.FIXED: 0, Kind.SPHERICAL: 4, Kind.FREE: 7},
+    **dict.fromkeys((JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.SCREW), 1),
+    **dict.fromkeys((JointKind.CYLINDRICAL, JointKind.UNIVERSAL), 2),
+    **{JointKind.FIXED: 0, JointKind.SPHERICAL: 4, JointKind.FREE: 7},
 }
 """How many coordinates an edge has: angles [rad], lengths (a shift before its turn), Euler parameters."""
-PREFERENCE = (Kind.SCREW, Kind.FIXED, Kind.PRISMATIC, Kind.CYLINDRICAL, Kind.UNIVERSAL, Kind.REVOLUTE, Kind.SPHERICAL)
+PREFERENCE = (
+    JointKind.SCREW,
+    JointKind.FIXED,
+    JointKind.PRISMATIC,
+    JointKind.CYLINDRICAL,
+    JointKind.UNIVERSAL,
+    JointKind.REVOLUTE,
+    JointKind.SPHERICAL,
+)
 """Which joints become edges first; those that a driver moves come before all of them."""
 QUARTER = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """What leads from the first axis of a universal joint to the second: z becomes x."""
@@ -35,7 +43,7 @@ OVER = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edge:
+class SpatialEdge:
     """How a body hangs on its parent: joint frames on both, and what its coordinates, from `first` on, do between them.
 
     Where the parent is body j of the joint, both frames are turned over (`OVER`), so that angles and shifts are all
@@ -44,7 +52,7 @@ class Edge:
 
     body: str
     parent: str
-    kind: Kind
+    kind: JointKind
     u_parent: Any
     frame_parent: Any
     u_body: Any
@@ -62,12 +70,16 @@ class Edge:
     @property
     def turned(self) -> slice:
         """Where its Euler parameters are; empty if it has none."""
-        return slice(self.slot.stop - 4, self.slot.stop) if self.kind in (Kind.SPHERICAL, Kind.FREE) else slice(0, 0)
+        return (
+            slice(self.slot.stop - 4, self.slot.stop)
+            if self.kind in (JointKind.SPHERICAL, JointKind.FREE)
+            else slice(0, 0)
+        )
 
     @property
     def rates(self) -> int:
         """How many rates it has: three of a turn by Euler parameters."""
-        return WIDTH[self.kind] - (self.kind in (Kind.SPHERICAL, Kind.FREE))
+        return WIDTH[self.kind] - (self.kind in (JointKind.SPHERICAL, JointKind.FREE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +87,7 @@ class SpaceTree:
     """Edges, parents before children; `closures` are the joints that are none; `estimates` poses (7,) of the bodies."""
 
     numbers: Numbers
-    edges: tuple[Edge, ...]
+    edges: tuple[SpatialEdge, ...]
     closures: tuple[Hold, ...]
     estimates: Mapping[str, Any]
 
@@ -92,9 +104,9 @@ class SpaceTree:
     @cached_property
     def balls(self) -> list[slice]:
         """Where Euler parameters are among the coordinates."""
-        return [edge.turned for edge in self.edges if edge.kind in (Kind.SPHERICAL, Kind.FREE)]
+        return [edge.turned for edge in self.edges if edge.kind in (JointKind.SPHERICAL, JointKind.FREE)]
 
-    def edge_of(self, drive: Drive) -> Edge | None:
+    def edge_of(self, drive: Drive) -> SpatialEdge | None:
         """Return the edge that a driver moves, if its joint has become one."""
         edges = (edge for edge in self.edges if (edge.hold, edge.kind) == (drive.hold.name, drive.hold.kind))
         return next((edge for edge in edges if edge.kind in MOVED.get(drive.kind, ())), None)
@@ -140,24 +152,26 @@ def longest_chain(edges: Iterable[Any]) -> int:
     return max(depths.values())
 
 
-def _coordinates(edge: Edge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> Any:
+def _coordinates(edge: SpatialEdge, parent: tuple[Any, Any], body: tuple[Any, Any]) -> Any:
     """Return an edge's coordinates nearest two poses (place, rotation)."""
     turned = parent[1] @ edge.frame_parent
     relative = turned.T @ body[1] @ edge.frame_body
     gap = turned.T @ (body[0] + body[1] @ edge.u_body - parent[0] - parent[1] @ edge.u_parent)
     angle = _about_z(relative)
-    if edge.kind == Kind.FREE:
+    if edge.kind == JointKind.FREE:
         return [*body[0], *parameters(body[1])]
-    if edge.kind == Kind.SPHERICAL:
+    if edge.kind == JointKind.SPHERICAL:
         return parameters(relative)
-    if edge.kind == Kind.UNIVERSAL:
+    if edge.kind == JointKind.UNIVERSAL:
         first = np.arctan2(relative[1, 2], relative[0, 2])
         return [first, _about_z(QUARTER.T @ about_z(first).T @ relative)]
-    if edge.kind == Kind.SCREW:
+    if edge.kind == JointKind.SCREW:
         turns = np.round(((gap[2] - edge.shift) / edge.pitch - angle) / (2 * np.pi)) if edge.pitch else 0.0
         return [angle + 2 * np.pi * turns]
     along, both = [gap[2]], [gap[2], angle]
-    return {Kind.REVOLUTE: [angle], Kind.PRISMATIC: along, Kind.CYLINDRICAL: both, Kind.FIXED: []}[edge.kind]
+    return {JointKind.REVOLUTE: [angle], JointKind.PRISMATIC: along, JointKind.CYLINDRICAL: both, JointKind.FIXED: []}[
+        edge.kind
+    ]
 
 
 def _about_z(rotation: Any) -> float:
@@ -171,7 +185,7 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
         (hold for hold in numbers.holds if hold.kind in PREFERENCE),
         key=lambda hold: (hold.name not in driven, PREFERENCE.index(hold.kind)),
     )
-    edges: list[Edge] = []
+    edges: list[SpatialEdge] = []
     used, reached = list[Hold](), [GROUND]
     while len(reached) <= len(numbers.bodies):
         hold = next((h for h in order if (h.body_i in reached) != (h.body_j in reached)), None)
@@ -193,16 +207,18 @@ def absolute_tree(numbers: Numbers) -> SpaceTree:
     return SpaceTree(numbers=numbers, edges=edges, closures=numbers.holds, estimates={})
 
 
-def free_edge(body: str) -> Edge:
+def free_edge(body: str) -> SpatialEdge:
     """Return the edge of a body that nothing holds."""
     rest: dict[str, Any] = {"u_parent": np.zeros(3), "u_body": np.zeros(3)}
-    return Edge(body=body, parent=GROUND, kind=Kind.FREE, frame_parent=np.eye(3), frame_body=np.eye(3), **rest)
+    return SpatialEdge(
+        body=body, parent=GROUND, kind=JointKind.FREE, frame_parent=np.eye(3), frame_body=np.eye(3), **rest
+    )
 
 
-def _edge(hold: Hold, parent: str) -> Edge:
+def _edge(hold: Hold, parent: str) -> SpatialEdge:
     body, over = hold.other(parent), np.eye(3) if parent == hold.body_i else OVER
     (u_parent, frame_parent), (u_body, frame_body) = hold.end(parent), hold.end(body)
-    return Edge(
+    return SpatialEdge(
         body=body, parent=parent, kind=hold.kind, u_parent=u_parent, frame_parent=frame_parent @ over,
         u_body=u_body, frame_body=frame_body @ over, pitch=hold.pitch, shift=hold.shift, hold=hold.name,
     )  # fmt: skip

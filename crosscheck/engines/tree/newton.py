@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, refusals, refuse
-from crosscheck.engines.march import March
+from crosscheck.engines.march import MarchResult
 from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one
 from crosscheck.engines.poses import Equations, close, solve
 from crosscheck.engines.spatial.motion import SpaceScene
@@ -66,7 +66,7 @@ class Tree:
         """Return tree coordinates and rates (n, T) as those of bodies."""
         times = len(self.scene.times)
         nothing = np.full(times, np.nan)
-        march = March(tuple(levels), (Status.OK,) * times, nothing)
+        march = MarchResult(tuple(levels), (Status.OK,) * times, nothing)
         return body_levels(self.engine, march, [body.name for body in self.scene.mechanism.bodies])
 
     def first(self) -> tuple[Array, Array]:

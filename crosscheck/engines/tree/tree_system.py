@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineError, Term
-from crosscheck.engines.march import March, march
+from crosscheck.engines.march import MarchResult, march
 from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.scenes.names import called_for, order_of
@@ -262,7 +262,7 @@ def tree_motion(
     return marched_motion(engine, scene, poses, producer)
 
 
-def marched_motion(engine: TreeEngine, scene: Scene, poses: March, producer: Producer) -> Motion:
+def marched_motion(engine: TreeEngine, scene: Scene, poses: MarchResult, producer: Producer) -> Motion:
     """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
     places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
@@ -277,7 +277,7 @@ def marched_motion(engine: TreeEngine, scene: Scene, poses: March, producer: Pro
     )
 
 
-def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list[Array]:
+def body_levels(engine: TreeEngine, march: MarchResult, bodies: Sequence[str]) -> list[Array]:
     """Return per level (x [m], y [m], phi [rad]) of the bodies in the ground frame, or its derivative, (3 n, T).
 
     phi is the sum of the joint angles, with its turns; x and y are the engine's own.
@@ -291,7 +291,7 @@ def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list
     return levels
 
 
-def _point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Any]]) -> list[Array]:
+def _point_levels(engine: TreeEngine, march: MarchResult, places: Sequence[tuple[str, Any]]) -> list[Array]:
     """Return per level position [m] of P points of bodies (each [m] in its body's frame), or its derivative, (2, P, T).
 
     NaN where there is none.

@@ -15,5 +15,5 @@ from crosscheck.engines.vector_loop.marching import minimise as minimise
 from crosscheck.engines.vector_loop.marching import with_new_estimates as with_new_estimates
 from crosscheck.engines.vector_loop.system import AngleRelation as AngleRelation
 from crosscheck.engines.vector_loop.system import LoopSystem as LoopSystem
+from crosscheck.engines.vector_loop.vectors import LoopVector as LoopVector
 from crosscheck.engines.vector_loop.vectors import Variable as Variable
-from crosscheck.engines.vector_loop.vectors import Vector as Vector

@@ -27,7 +27,7 @@ from typing import Any
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.vector_loop.system import AngleRelation
-from crosscheck.engines.vector_loop.vectors import Variable, Vector
+from crosscheck.engines.vector_loop.vectors import LoopVector, Variable
 from refkin import joints
 from refkin.model import Mechanism, Scene
 from refkin.motion_laws import Law
@@ -45,7 +45,7 @@ class VectorChain:
     p_i: complex
     j: str
     p_j: complex
-    gap: tuple[Vector, ...]
+    gap: tuple[LoopVector, ...]
 
     def turned_round(self) -> VectorChain:
         """Return the chain back."""
@@ -100,16 +100,16 @@ class VectorChains:
         open_chain = VectorChain(i, p_i, j, p_j, ())
         yield VectorChain(i, p_i, j, p_j, self._gap(e, self._estimates.gap(open_chain)))
 
-    def _gap(self, e: joints.Element, gap: complex) -> tuple[Vector, ...]:
+    def _gap(self, e: joints.Element, gap: complex) -> tuple[LoopVector, ...]:
         """Return what leads from point i to point j; `gap` is the estimated one."""
         size = self._estimates.size
         if isinstance(e, joints.PointsCoincide):
-            return tuple(Vector(along, self._law(law)) for along, law in zip((1.0, 1j), e.laws, strict=False))
+            return tuple(LoopVector(along, self._law(law)) for along, law in zip((1.0, 1j), e.laws, strict=False))
         if isinstance(e, joints.PointCoordinate):
             origin = self._estimates.origin
             along, shift = (1j, origin.imag) if e.axis else (1.0, origin.real)
             across = self._unknown(f"coordinate across {e.name}", (gap / (1j * along)).real)
-            return Vector(along, self._law(e.laws[0], shift)), Vector(1j * along, across)
+            return LoopVector(along, self._law(e.laws[0], shift)), LoopVector(1j * along, across)
         if isinstance(e, joints.PointDistance):
             length, sign = Variable(e.length / size), 1.0
             if e.laws:
@@ -117,7 +117,7 @@ class VectorChains:
             return (self._link(e, length, sign * gap),)
         if isinstance(e, joints.GuidedPoint):
             (x, y), slide = e.axis_i, self._slide(f"slide on {e.name}", e.body_i, e.axis_i, gap)
-            aside = Vector(e.offset / size * complex(-y, x) / math.hypot(x, y), angle=self._angles[e.body_i])
+            aside = LoopVector(e.offset / size * complex(-y, x) / math.hypot(x, y), angle=self._angles[e.body_i])
             return (aside, slide) if e.offset else (slide,)
         if isinstance(e, joints.RollingOnLine):
             return self._rack(e, gap)
@@ -125,16 +125,16 @@ class VectorChains:
             f"vector_loop refuses {e.key} of {e.name!r}: no vector of given or sliding length stands for it"
         )
 
-    def _link(self, e: joints.Element, length: Variable, gap: complex) -> Vector:
-        return Vector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))
+    def _link(self, e: joints.Element, length: Variable, gap: complex) -> LoopVector:
+        return LoopVector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))
 
-    def _slide(self, name: str, body: str, axis: joints.Pair, gap: complex) -> Vector:
+    def _slide(self, name: str, body: str, axis: joints.Pair, gap: complex) -> LoopVector:
         """Return a vector of unknown length along an axis of a body."""
         along = complex(*axis) / math.hypot(*axis)
         length = (gap * cmath.exp(-1j * self._estimates.frame(body)[1]) / along).real
-        return Vector(along, self._unknown(name, length), self._angles[body])
+        return LoopVector(along, self._unknown(name, length), self._angles[body])
 
-    def _rack(self, e: joints.RollingOnLine, gap: complex) -> tuple[Vector, ...]:
+    def _rack(self, e: joints.RollingOnLine, gap: complex) -> tuple[LoopVector, ...]:
         """Return slides along the axis and across; along - s0 - radius (phi_j - phi_i - phi0) = 0 is a relation."""
         size, (x, y) = self._estimates.size, e.axis_i
         along = self._slide(f"slide on {e.name}", e.body_i, (x, y), gap)

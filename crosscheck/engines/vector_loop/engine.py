@@ -34,7 +34,7 @@ from crosscheck.engines import (
 from crosscheck.engines.vector_loop.chains import Estimates, VectorChain, VectorChains, angle_families
 from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.system import LoopSystem
-from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector, combined
+from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variable, Variables, combined
 from crosscheck.scenes.names import called_for
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -67,7 +67,7 @@ class Reading:
     origin: complex
 
 
-Positions = Mapping[str, Sequence[Vector]]
+Positions = Mapping[str, Sequence[LoopVector]]
 """Body -> the vectors that lead from the origin to its frame."""
 
 
@@ -90,7 +90,7 @@ def read(scene: Scene) -> Reading:
     unknowns = _unknowns(scene, loops, chains)
     points = [(point.body, estimates.local(point.body, point.position)) for point in scene.points]
     rows = [positions[body] for body in scene.wanted]
-    rows += [combined([*positions[body], Vector(u, angle=angles[body])]) for body, u in points]
+    rows += [combined([*positions[body], LoopVector(u, angle=angles[body])]) for body, u in points]
     return Reading(
         system=LoopSystem(unknowns, loops, chains.relations),
         q0=_guesses(scene, unknowns, angles, families, chains, estimates),
@@ -110,7 +110,7 @@ def _tree(
     scene: Scene, chains: Sequence[VectorChain], angles: Mapping[str, Variable]
 ) -> tuple[Positions, list[VectorChain]]:
     """Return the vectors to all bodies, breadth first so that they are short, and the chains that are left over."""
-    positions: dict[str, Sequence[Vector]] = {GROUND: []}
+    positions: dict[str, Sequence[LoopVector]] = {GROUND: []}
     left, reached = list(chains), [GROUND]
     for body in reached:
         for chain in list(left):
@@ -118,7 +118,7 @@ def _tree(
                 continue
             left.remove(chain)
             out = chain if chain.i == body else chain.turned_round()
-            to_frame = Vector(-out.p_j, angle=angles[out.j])
+            to_frame = LoopVector(-out.p_j, angle=angles[out.j])
             positions[out.j] = combined([*_first_point(positions, angles, out), *out.gap, to_frame])
             reached.append(out.j)
     lost = [body.name for body in scene.mechanism.bodies if body.name not in positions]
@@ -127,12 +127,12 @@ def _tree(
     return positions, left
 
 
-def _first_point(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[Vector]:
+def _first_point(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[LoopVector]:
     """Return what leads from the origin to the first point of a chain."""
-    return [*positions[chain.i], Vector(chain.p_i, angle=angles[chain.i])]
+    return [*positions[chain.i], LoopVector(chain.p_i, angle=angles[chain.i])]
 
 
-def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], chains: VectorChains) -> list[str]:
+def _unknowns(scene: Scene, loops: Sequence[Sequence[LoopVector]], chains: VectorChains) -> list[str]:
     """Return the names of what the equations contain, as many as there are equations."""
     variables = [v for loop in loops for vector in loop for v in (vector.angle, vector.length)]
     variables += [v for relation in chains.relations for _, v in relation.terms]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.poses import EPS, solve
-from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector
+from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variable, Variables
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class LoopSystem:
     """
 
     def __init__(
-        self, unknowns: Sequence[str], loops: Sequence[Sequence[Vector]], relations: Sequence[AngleRelation] = ()
+        self, unknowns: Sequence[str], loops: Sequence[Sequence[LoopVector]], relations: Sequence[AngleRelation] = ()
     ) -> None:
         self.unknowns, self.loops, self.relations = tuple(unknowns), tuple(map(tuple, loops)), tuple(relations)
         equations = 2 * len(self.loops) + len(self.relations)

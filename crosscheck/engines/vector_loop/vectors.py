@@ -50,25 +50,25 @@ def variable(given: Variable | Law | float) -> Variable:
 
 
 @dataclass(frozen=True)
-class Vector:
+class LoopVector:
     """coefficient * length * e^(i angle)."""
 
     coefficient: complex = 1.0
     length: Variable = ONE
     angle: Variable = ZERO
 
-    def times(self, factor: complex) -> Vector:
+    def times(self, factor: complex) -> LoopVector:
         """Return the vector multiplied by a complex constant."""
-        return Vector(self.coefficient * factor, self.length, self.angle)
+        return LoopVector(self.coefficient * factor, self.length, self.angle)
 
 
-def combined(vectors: Sequence[Vector]) -> list[Vector]:
+def combined(vectors: Sequence[LoopVector]) -> list[LoopVector]:
     """Return the sum of vectors with those of the same length and angle added up, and none that is zero."""
     sums: dict[tuple[Variable, Variable], complex] = {}
     for v in vectors:
         key = v.length, v.angle
         sums[key] = sums.get(key, 0.0) + v.coefficient
-    return [Vector(c, *key) for key, c in sums.items() if c != 0.0]
+    return [LoopVector(c, *key) for key, c in sums.items() if c != 0.0]
 
 
 class Variables:
@@ -120,7 +120,7 @@ class Sums:
         1 where a vector belongs to a row.
     """
 
-    def __init__(self, rows: Sequence[Sequence[Vector]], unknowns: Sequence[str]) -> None:
+    def __init__(self, rows: Sequence[Sequence[LoopVector]], unknowns: Sequence[str]) -> None:
         vectors = [v for row in rows for v in row]
         self.coefficients = np.array([v.coefficient for v in vectors], complex)
         self.lengths = Variables([v.length for v in vectors], unknowns)

@@ -52,7 +52,7 @@
   if (!picture) return;
   const poses = read("poses");
   const looks = read("looks");
-  const told = find("pose-told");
+  const summary = find("pose-summary");
   const play = find("pose-play");
   const layer = (name) => find(`pose-${name}`);
   const add = (parent, tag, attributes) => {
@@ -130,8 +130,8 @@
       add(layer("arrows"), "path", { d: `M${x} ${y}L${a} ${b}`, stroke: "currentColor" });
       add(layer("arrows"), "path", { d: `M${x} ${y}L${c} ${d}`, stroke: colour, "stroke-dasharray": "4 3" });
     }
-    find("pose-name").textContent = shown.told;
-    told.textContent = shown.told;
+    find("pose-name").textContent = shown.summary;
+    summary.textContent = shown.summary;
     turnable();
     find("pose-scene").textContent = `${scene.name} (record ${scene.key})`;
     layer("ghost").removeAttribute("opacity");
@@ -164,7 +164,7 @@
     let frame = 0;
     build(layer("ghost"), scene.parts, ghosts.find(Boolean) || []);
     layer("arrows").replaceChildren();
-    told.textContent = shown.moving;
+    summary.textContent = shown.moving;
     play.textContent = "Stop";
     play.setAttribute("aria-pressed", "true");
     timer = setInterval(() => {

@@ -142,7 +142,7 @@ def statement(instruction: Instruction) -> str:
     return f"{instruction.out} = {right}"
 
 
-class Answer(NamedTuple):
+class StepAnswer(NamedTuple):
     """What `Single.advance` returns.
 
     Attributes
@@ -169,7 +169,7 @@ class Single(NamedTuple):
     prepare : callable
         Numbers of the geometry, in the order of `geometry` -> numbers of the `u` bank.
     advance : callable
-        (u, f, q, profile, most, enough) -> Answer: Newton from the core coordinates q, then the rest. `f` are the laws'
+        (u, f, q, profile, most, enough) -> StepAnswer: Newton from the core q, then the rest. `f` are the laws'
         values in the order of `laws`; at most `most` Newton steps are made, and none after one of at most `enough`.
         Numbers that fail raise ArithmeticError or ValueError.
     geometry, laws : list of tuple
@@ -177,14 +177,21 @@ class Single(NamedTuple):
     """
 
     prepare: Callable[[Sequence[float]], tuple[float, ...]]
-    advance: Callable[..., Answer]
+    advance: Callable[..., StepAnswer]
     geometry: list[tuple[int, ...]]
     laws: list[tuple[int, ...]]
 
 
 def compile_single(program: Program, wanted: Sequence[int]) -> Single:
     """Return the functions of a program whose answer is about the coordinates `wanted`."""
-    scope = {"cos": math.cos, "sin": math.sin, "tan": math.tan, "inverse": _inverse, "apply": _apply, "Answer": Answer}
+    scope = {
+        "cos": math.cos,
+        "sin": math.sin,
+        "tan": math.tan,
+        "inverse": _inverse,
+        "apply": _apply,
+        "StepAnswer": StepAnswer,
+    }
     exec(compile(source(program, wanted), "<program>", "exec"), scope)
     places = {kind: [leaf.place for leaf in program.inputs if leaf.kind == kind] for kind in "gf"}
     prepare: Any = scope["prepare"]
@@ -216,7 +223,7 @@ def source(program: Program, wanted: Sequence[int]) -> str:
         "for _ in range(most):",
         *("    " + line for line in newton),
         *map(statement, program.segments["answer"]),
-        f"return Answer({_tuple([_tuple(level) for level in levels])}, {', '.join(evidence)}, steps)",
+        f"return StepAnswer({_tuple([_tuple(level) for level in levels])}, {', '.join(evidence)}, steps)",
     ]
     return "\n".join(
         [

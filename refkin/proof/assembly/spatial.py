@@ -58,7 +58,7 @@ Place = Callable[[Any], Vec3]
 def certain_miss(system: System, t: float) -> DeadEnd | None:
     """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
     with ctx.workprec(PRECISION):
-        reader = _Reader(system, t)
+        reader = _SpatialReader(system, t)
         for link, near, far, body, reach in reader.links():
             gap = reader.gap(near, far, body, reach)
             if gap is not None and gap > 0:
@@ -93,7 +93,7 @@ def point_rows(system: System, t: float) -> list[PointRow]:
     return rows
 
 
-class _Reader:
+class _SpatialReader:
     def __init__(self, system: System, t: float) -> None:
         self.mechanism, self.t = system.mechanism, arb(float(t))
         self.scale = Unit(system.unit.size)

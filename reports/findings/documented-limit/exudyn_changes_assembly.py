@@ -78,8 +78,8 @@ def main():
     sides = []
     for k in range(6):
         success, q = solve(mbs, driver, -2.5 + k)
-        told = f"success, sine of coupler to rocker {side(q):+.6f}" if success else "no success"
-        print(f"crank {-2.5 + k:5.2f} rad: {told}")
+        outcome = f"success, sine of coupler to rocker {side(q):+.6f}" if success else "no success"
+        print(f"crank {-2.5 + k:5.2f} rad: {outcome}")
         sides += [side(q)] if success else []
     shown = min(sides) < 0 < max(sides)
     print("expected: one sign throughout, or a failure")

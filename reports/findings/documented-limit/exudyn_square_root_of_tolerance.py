@@ -88,8 +88,8 @@ def main():
     for where, start in STARTS.items():
         _, mbs, driver = four_bar(*LENGTHS, start)
         success, q = solve(mbs, driver, 0.0)
-        told = f"success, coupler angle {q[5]:.3g} rad, joint open by {apart(q):.1e} m" if success else "a failure"
-        print(f"started {where}, came: {told}")
+        outcome = f"success, coupler angle {q[5]:.3g} rad, joint open by {apart(q):.1e} m" if success else "a failure"
+        print(f"started {where}, came: {outcome}")
         shown.append(success and abs(q[5]) > 1e-6)
     return 0 if all(shown) else 1
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from refkin import Body, Mechanism, Polynomial
-from refkin.fast import tape
+from refkin.fast import program_of
 from refkin.fast.compiled import compiled
 from refkin.fast.elimination import blocks, eliminate
 from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
@@ -183,12 +183,12 @@ def program_rows(system):
 
 
 def test_loops_that_hang_on_each_other_are_blocks_of_their_own():
-    assert [len(b) for b in tape(SCENES["chain"]).blocks] == [2, 2, 2]
+    assert [len(b) for b in program_of(SCENES["chain"]).blocks] == [2, 2, 2]
 
 
 def test_a_triad_is_one_block_and_so_are_loops_closed_at_once():
-    assert [len(b) for b in tape(SCENES["platform"]).blocks] == [4]
-    assert [len(b) for b in tape(chain(5, together=True)).blocks] == [11]
+    assert [len(b) for b in program_of(SCENES["platform"]).blocks] == [4]
+    assert [len(b) for b in program_of(chain(5, together=True)).blocks] == [11]
 
 
 def row(graph, *columns):

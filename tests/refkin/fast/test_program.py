@@ -13,7 +13,7 @@ import pytest
 import refkin
 from refkin import Effect, FourBar, Point, SliderCrank
 from refkin.errors import RefkinError
-from refkin.fast import legend, sweep, tape
+from refkin.fast import legend, program_of, sweep
 from refkin.fast.elimination.program import SEGMENTS
 
 from .linkworks import chain
@@ -28,7 +28,7 @@ def called_for(*effects, scene=None, **changes):
 
 
 def total(scene):
-    return sum(tape(scene).counts().values())
+    return sum(program_of(scene).counts().values())
 
 
 POSITION, VELOCITY, BOTH = (), (Effect.VELOCITY,), (Effect.VELOCITY, Effect.ACCELERATION)
@@ -43,12 +43,12 @@ def test_each_level_costs_operations_of_its_own(name):
 
 def test_the_counts_of_a_four_bar_are_what_they_were():
     """A change of the formulas or of the elimination shows here; fewer is better."""
-    assert tape(called_for(*BOTH)).counts() == {"mechanism": 0, "time": 34, "newton": 53, "answer": 115}
-    assert tape(called_for()).counts() == {"mechanism": 0, "time": 13, "newton": 53, "answer": 47}
+    assert program_of(called_for(*BOTH)).counts() == {"mechanism": 0, "time": 34, "newton": 53, "answer": 115}
+    assert program_of(called_for()).counts() == {"mechanism": 0, "time": 13, "newton": 53, "answer": 47}
 
 
 def test_a_newton_step_does_not_depend_on_what_is_called_for():
-    newton = [tape(called_for(*effects)).segments["newton"] for effects in (POSITION, BOTH)]
+    newton = [program_of(called_for(*effects)).segments["newton"] for effects in (POSITION, BOTH)]
 
     assert len(newton[0]) == len(newton[1])
 
@@ -58,7 +58,7 @@ def test_wanting_some_bodies_drops_every_group_downstream(wanted):
     """The rockers of a chain: the k-th needs k loops, whatever hangs on it."""
     scene = called_for(*BOTH, scene=chain(3), bodies_wanted=(f"rocker{wanted}",))
 
-    assert len(tape(scene).blocks) == wanted
+    assert len(program_of(scene).blocks) == wanted
     assert total(scene) < total(called_for(*BOTH, scene=chain(3))) or wanted == 3
 
 
@@ -72,13 +72,13 @@ def test_a_point_is_wanted_with_its_body():
     scene = called_for(*BOTH, scene=chain(3), bodies_wanted=("rocker0",))
     point = Point(name="P", body="coupler1", position=(0.1, 0.2))
 
-    assert len(tape(replace(scene, points=(point,))).blocks) == 2
+    assert len(program_of(replace(scene, points=(point,))).blocks) == 2
 
 
 def test_a_scene_that_asks_for_the_condition_number_keeps_all_bodies():
     scene = replace(chain(3), bodies_wanted=("rocker0",), evidence=frozenset({refkin.Evidence.CONDITION}))
 
-    assert len(tape(scene).blocks) == 3
+    assert len(program_of(scene).blocks) == 3
 
 
 def test_lengths_and_laws_are_inputs():
@@ -113,14 +113,14 @@ def test_old_topologies_are_dropped(monkeypatch):
     monkeypatch.setattr(compiled_module, "MOST_KEPT", 3)
     compiled_module.forget()
     for windows in range(1, 6):
-        tape(called_for(scene=chain(windows)))
+        program_of(called_for(scene=chain(windows)))
 
     assert len(compiled_module._kept) == 3
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_text_of_a_program_states_every_instruction_and_their_number(name):
-    program = tape(SCENES[name])
+    program = program_of(SCENES[name])
     text = str(program)
 
     for segment in SEGMENTS:
@@ -132,7 +132,7 @@ def test_the_text_of_a_program_states_every_instruction_and_their_number(name):
 
 def test_no_register_is_read_before_it_is_written():
     for scene in SCENES.values():
-        program = tape(scene)
+        program = program_of(scene)
         written = {*program.constants, *program.inputs.values()}
         for name in SEGMENTS:
             for instruction in program.segments[name]:
@@ -152,7 +152,7 @@ def read_first(instructions):
 def test_what_is_given_to_newton_and_answer_survives_them():
     """Both may run again and again: they overwrite nothing that they are given, but for the core coordinates."""
     for scene in SCENES.values():
-        program = tape(scene)
+        program = program_of(scene)
         core = {f"w{k}" for k in program.outputs.core}
         given = read_first(program.segments["newton"]) | read_first(program.segments["answer"])
         overwritten = {i.out for name in ("newton", "answer") for i in program.segments[name]} & given
@@ -161,7 +161,7 @@ def test_what_is_given_to_newton_and_answer_survives_them():
 
 
 def test_registers_are_used_again():
-    program = tape(called_for(*BOTH))
+    program = program_of(called_for(*BOTH))
 
     assert program.sizes["w"] < 0.4 * sum(program.counts().values())
 
@@ -181,7 +181,7 @@ def test_what_has_no_program_says_so():
     scene = refkin.Scene(mechanism=refkin.Mechanism((body,), (), drivers), times=(0.0,))
 
     with pytest.raises(RefkinError, match="no program"):
-        tape(scene)
+        program_of(scene)
 
 
 def test_threads_do_not_share_registers():
@@ -215,7 +215,7 @@ def test_the_source_of_a_program_holds_nothing_of_the_scene():
     text = source(schedule(made.solved, made.graph, [made.core] * 3, half_angles=False), made.core)
     words = set(re.findall(r"[A-Za-z_]\w*", text))
 
-    python = "def for in range if else break return prepare advance append Answer"
+    python = "def for in range if else break return prepare advance append StepAnswer"
     names = "g u f q _ steps profile most enough cos sin abs inverse apply"
     assert {w for w in words if not re.fullmatch(r"[uwmx]\d+|e", w)} <= {*python.split(), *names.split()}
 

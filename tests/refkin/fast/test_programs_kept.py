@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from refkin.fast import legend, solve_large, solve_many, sweep, tape
+from refkin.fast import legend, program_of, solve_large, solve_many, sweep
 from refkin.model import Evidence
 from tests.refkin.fast.families import estimates, geometry, grashof, scene
 from tests.refkin.fast.linkworks import chain, platform
@@ -29,7 +29,7 @@ def program(name):
     """Return what a scene's numbers stand for, what its programs say of their parts, and sums of their texts."""
     told = [legend(SCENES[name])]
     for evidence in (frozenset(), frozenset(Evidence)):
-        text = str(tape(replace(SCENES[name], evidence=evidence)))
+        text = str(program_of(replace(SCENES[name], evidence=evidence)))
         told += [[line for line in text.splitlines() if line[:1] == "#"], zlib.crc32(text.encode())]
     return told
 

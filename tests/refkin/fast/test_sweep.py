@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 
 import refkin
-from crosscheck.engines.ours.lanes import Lanes
+from crosscheck.engines.ours.batch import RefkinBatch
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import (
@@ -73,7 +73,7 @@ def test_the_proved_error_of_every_pose_is_a_few_round_offs_times_the_condition(
 def test_a_sweep_is_within_the_budget_of_the_reference(name):
     comparison = compare(reference(SCENES[name]), sweep(SCENES[name]))
 
-    assert comparison.judged == len(SCENES[name].times)
+    assert comparison.compared == len(SCENES[name].times)
     assert {name: np.nanmax(q.ratio) for name, q in comparison.quantities.items() if not q.agrees} == {}
 
 
@@ -81,7 +81,7 @@ def test_a_sweep_is_within_the_budget_of_the_reference(name):
 @given(drawn_scenes(hardness=[Hardness.REGULAR]))
 def test_regular_scenes_are_answered_within_the_budget(drawn):
     motion = sweep(bare(drawn.scene))
-    comparison = compare(reference(drawn.scene), motion, Lanes().terms(drawn.scene))
+    comparison = compare(reference(drawn.scene), motion, RefkinBatch().terms(drawn.scene))
 
     assert motion.producer.name == FAST
     assert motion.verdict is Status.OK

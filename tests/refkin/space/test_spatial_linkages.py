@@ -22,7 +22,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly import spatial as by_starts
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.spatial import _Reader, certain_miss, starts
+from refkin.proof.assembly.spatial import _SpatialReader, certain_miss, starts
 from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
@@ -462,7 +462,7 @@ def test_a_link_to_a_point_on_a_hinge_misses_its_circle_by_as_much_as_the_neares
     missed = max(distances.min() - length, length - distances.max())
 
     with ctx.workprec(120):
-        gap = _Reader(system, 0.0).gap(Vec3(*map(arb, near.tolist())), tuple(u), "arm", arb(length))
+        gap = _SpatialReader(system, 0.0).gap(Vec3(*map(arb, near.tolist())), tuple(u), "arm", arb(length))
     assert missed > 0.1
     assert float(gap) == pytest.approx(missed, rel=1e-5)
 

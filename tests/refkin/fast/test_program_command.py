@@ -1,11 +1,11 @@
-"""`crosscheck tape`: the operations of a scene, for a person."""
+"""`crosscheck program`: the operations of a scene, for a person."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from refkin.fast import tape
+from refkin.fast import program_of
 from refkin.scenes.files import load
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -13,8 +13,8 @@ SCENE = EXAMPLES / "slider-crank.toml"
 
 
 def test_every_operation_is_printed_and_counted(command):
-    code, out, _ = command("tape", SCENE)
-    counts = tape(load(SCENE)).counts()
+    code, out, _ = command("program", SCENE)
+    counts = program_of(load(SCENE)).counts()
 
     assert code == 0
     for segment, count in counts.items():
@@ -24,7 +24,7 @@ def test_every_operation_is_printed_and_counted(command):
 
 
 def test_counts_alone_are_five_lines(command):
-    code, out, _ = command("tape", SCENE, "--counts")
+    code, out, _ = command("program", SCENE, "--counts")
 
     assert (code, len(out.splitlines())) == (0, 5)
 
@@ -38,7 +38,7 @@ def test_a_scene_without_a_program_says_why(command, tmp_path):
     drivers = "\n".join(f'[[driver]]\nname = "m{k}"\ntype = "x"\nbody = "{crank}"\n{law}' for k in range(3))
     path = tmp_path / "scene.toml"
     path.write_text(text.replace(driver, drivers).replace(joint, ""), encoding="utf-8")
-    code, out, _ = command("tape", path)
+    code, out, _ = command("program", path)
 
     assert code == 1
     assert "no program" in out
@@ -47,7 +47,7 @@ def test_a_scene_without_a_program_says_why(command, tmp_path):
 def test_a_file_that_is_no_scene_is_a_usage_error(command, tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text("schema = 1\n", encoding="utf-8")
-    code, _, err = command("tape", path)
+    code, _, err = command("program", path)
 
     assert code == 2
     assert "Traceback" not in err

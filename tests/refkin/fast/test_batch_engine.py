@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError, Level, Support
-from crosscheck.engines.ours import lanes as module
-from crosscheck.engines.ours.lanes import SINES, Lanes
+from crosscheck.engines.ours import batch as module
+from crosscheck.engines.ours.batch import SINES, RefkinBatch
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
 from refkin import FourBar, Sinusoid, Status
@@ -27,17 +27,17 @@ LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 def test_it_is_registered():
     points = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["entry-points"]["crosscheck.engines"]
 
-    assert points[Lanes.name] == "crosscheck.engines.ours.lanes:Lanes"
+    assert points[RefkinBatch.name] == "crosscheck.engines.ours.batch:RefkinBatch"
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_joint_is_in_its_table_and_within_the_budget(name):
-    engine, scene = Lanes(), SCENES[name]
+    engine, scene = RefkinBatch(), SCENES[name]
     table = engine.capabilities()
     motion = engine.solve(scene)
 
     assert all(table[e.key][Level.SOLVE].support is Support.NATIVE for e in elements_of(scene.mechanism.constraints))
-    assert motion.producer.name == Lanes.name
+    assert motion.producer.name == RefkinBatch.name
     assert compare(reference(scene), motion, engine.terms(scene)).agrees
 
 
@@ -49,9 +49,9 @@ def test_no_joint_or_driver_is_without_a_scene():
 
 
 def test_a_night_compares_it_like_any_other():
-    record = check(ROCKER.scene(samples=20), [Lanes()])
+    record = check(ROCKER.scene(samples=20), [RefkinBatch()])
 
-    assert [(a.engine, a.judged) for a in record.answers] == [(Lanes.name, 20)]
+    assert [(a.engine, a.compared) for a in record.answers] == [(RefkinBatch.name, 20)]
     assert record.disagreements == []
 
 
@@ -62,9 +62,9 @@ def test_a_wrong_answer_is_a_disagreement(monkeypatch):
 
     attempt = module.attempt
     monkeypatch.setattr(module, "attempt", wrong)
-    record = check(ROCKER.scene(samples=20), [Lanes()])
+    record = check(ROCKER.scene(samples=20), [RefkinBatch()])
 
-    assert {d.engine for d in record.disagreements} == {Lanes.name}
+    assert {d.engine for d in record.disagreements} == {RefkinBatch.name}
 
 
 def test_what_is_left_to_the_reference_gets_no_answer():
@@ -75,19 +75,19 @@ def test_what_is_left_to_the_reference_gets_no_answer():
     scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.0, 1.0, 1.57))
 
     with pytest.raises(EngineError, match="to the reference"):
-        Lanes().solve(scene)
+        RefkinBatch().solve(scene)
 
 
 def test_an_unknown_method_is_refused():
     route = replace(module.ROUTE, name="other")
     with pytest.raises(EngineError, match="no method 'other'"):
-        Lanes().solve(ROCKER.scene(samples=2), route)
+        RefkinBatch().solve(ROCKER.scene(samples=2), route)
 
 
 def test_a_term_of_nothing_is_given_where_there_is_no_answer(monkeypatch):
     monkeypatch.setattr(module, "attempt", lambda scene: None)
 
-    assert Lanes().terms(ROCKER.scene(samples=2)) == ()
+    assert RefkinBatch().terms(ROCKER.scene(samples=2)) == ()
 
 
 def test_sines_of_half_angles_are_as_good_as_the_term_says():
@@ -101,20 +101,20 @@ def test_sines_of_half_angles_are_as_good_as_the_term_says():
 
 
 def test_the_motion_is_ok_at_every_time():
-    assert Lanes().solve(ROCKER.scene(samples=20)).verdict is Status.OK
+    assert RefkinBatch().solve(ROCKER.scene(samples=20)).verdict is Status.OK
 
 
 def test_near_a_change_point_a_night_has_a_refusal_and_no_disagreement():
     linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-    record = check(linkage.scene(turns=1, samples=8, start=0.3), [Lanes()])
+    record = check(linkage.scene(turns=1, samples=8, start=0.3), [RefkinBatch()])
 
-    assert any(row.reason.startswith("refkin-lanes refuses") for row in record.refusals)
-    assert [d for d in record.disagreements if d.engine == Lanes.name] == []
+    assert any(row.reason.startswith("refkin-batch refuses") for row in record.refusals)
+    assert [d for d in record.disagreements if d.engine == RefkinBatch.name] == []
 
 
 def test_rates_that_do_not_feel_a_change_point_are_exact_beside_it():
     """By Cramer's rule the rate of a guided slider left its guide: 4.7 times the allowed error."""
     scene = load(PROJECT.parent / "tests" / "corpus" / "fast-guided-beside-a-change-point.toml")
-    (x, y), rates = scene.mechanism.joints[3].axis_i, Lanes().solve(scene).qd[6:8]
+    (x, y), rates = scene.mechanism.joints[3].axis_i, RefkinBatch().solve(scene).qd[6:8]
 
     assert np.max(np.abs(x * rates[1] - y * rates[0])) < 4e-15

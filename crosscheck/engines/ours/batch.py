@@ -36,7 +36,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.ours import chains
-from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload
+from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.fast import attempt, solve_many
 from refkin.fast.compiled import forget
@@ -64,10 +64,10 @@ EVIDENCE: dict[str, frozenset[Evidence]] = {
 CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in ELEMENTS}
 
 
-class Lanes(Adapter):
+class RefkinBatch(Adapter):
     """The compiled elimination program, one scene at a time."""
 
-    name = "refkin-lanes"
+    name = "refkin-batch"
     solving = (ROUTE,)
     table = CAPABILITIES
 
@@ -123,10 +123,10 @@ def _angles(scene: Scene, motion: Motion) -> Any:
 
 def methods() -> Iterator[Method]:
     """Yield the methods of the fast path."""
-    yield from of_routes(Lanes(), frozenset({Use.COMPARE, Use.EFFECTS, Use.HARD}))
+    yield from of_routes(RefkinBatch(), frozenset({Use.COMPARE, Use.EFFECTS, Use.HARD}))
     for setting, evidence in EVIDENCE.items():
         yield Method(
-            engine=Lanes.name,
+            engine=RefkinBatch.name,
             name=AT_ONCE,
             setting=setting,
             newton_by="refkin (compiled elimination)",
@@ -136,7 +136,7 @@ def methods() -> Iterator[Method]:
             note="compiled list of instructions as NumPy calls; every pose checked by the formulas",
         )
     yield Method(
-        engine=Lanes.name,
+        engine=RefkinBatch.name,
         name="sparse",
         newton_by="refkin (SuperLU with COLAMD)",
         uses=frozenset({Use.BENCH}),
@@ -168,7 +168,7 @@ def _compiled(evidence: frozenset[Evidence], scene: Scene, *, anew: bool = True)
 
 
 def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> Batch:
-    if isinstance(workload, Chain):
+    if isinstance(workload, LoopChain):
         if evidence:
             raise EngineError("a Newton iteration has no certificate")
         return chains.by_program(workload)
@@ -187,7 +187,7 @@ def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
         estimates = {body: part.starts[3 * k : 3 * k + 3] for k, body in enumerate(scene.wanted)}
         return solve_many(scene, part.geometry, estimates, reducer=reducer)
 
-    def pieces() -> Iterator[Piece]:
+    def pieces() -> Iterator[AnswerPiece]:
         for first in range(0, work.mechanisms, COUNTED):
             part = replace(work, lengths=work.lengths[:, first : first + COUNTED])
             yield from solved(part, partial(_piece, first)).reduced
@@ -195,8 +195,8 @@ def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
     return Batch(lambda: solved(work, lambda part: None), work.configurations, pieces)
 
 
-def _piece(first: int, part: Any) -> Piece:
+def _piece(first: int, part: Any) -> AnswerPiece:
     """Return a copy of a reducer's slice of the mechanisms from `first` on."""
     mechanisms = first + np.arange(part.samples.start, part.samples.stop)
     levels = [np.array(level) for level in (part.q, part.qd, part.qdd) if level is not None]
-    return Piece(mechanisms, np.full(len(mechanisms), part.k), range(9), tuple(levels))
+    return AnswerPiece(mechanisms, np.full(len(mechanisms), part.k), range(9), tuple(levels))
