@@ -230,8 +230,7 @@ class SpatialFixed(OfLines):
 class Screw(OfLines):
     """A cylindrical joint whose shift h_i . d is `shift` [m] and `pitch` [m/rad] times the angle from zero i to zero j.
 
-    The angle theta counts turns, so theta / 2 is a coordinate of the joint's own; which turn is meant at the first time
-    follows from the estimates of the bodies along the axis.
+    The angle theta counts turns, so theta / 2 is a coordinate of its own, at first in the turn where estimates lie.
     """
 
     needs_zeros = True
@@ -253,7 +252,8 @@ class Screw(OfLines):
 
     def initial_contact(self, rows: Callable[[Any], Any]) -> Any:
         """Return theta / 2 where the row of the thread, which is linear in it, is 0."""
-        at_0, at_1 = rows(np.array([0.0, 1.0]))[-2]
+        before = self.terms[: list(map(type, self.terms)).index(Thread)]
+        at_0, at_1 = rows(np.array([0.0, 1.0]))[sum(term.rows for term in before)]
         return at_0 / (at_0 - at_1)
 
     def faults(self, path: str) -> Iterator[Fault]:

@@ -29,7 +29,6 @@ from crosscheck.measure.check import check
 from refkin import Body, Mechanism, Scene, Status, joints
 from refkin.fast import attempt
 from refkin.joints import AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, TurnAboutAxis
-from refkin.joints.spatial import OfLines
 from refkin.motion_laws import Polynomial
 from refkin.output.drawing import Drawing
 from refkin.scenes import files, keys
@@ -60,25 +59,15 @@ SCREW = {*joints.Screw.consists_of}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Composed(OfLines):
+class Composed(joints.Screw):
     """What a joint of any elements has in a scene file; its elements and their formulas are those of a subclass."""
 
     length: float = 0.0
-    pitch: float = 0.0
-    shift: float = 0.0
-    type: Literal["composed"] = "composed"
+    type: Literal["composed"] = "composed"  # type: ignore[assignment]
 
     @property
     def parameters(self) -> int:
         return int(joints.ScrewMotion in self.consists_of)
-
-    def profile_values(self, s: Any, unit: Any, order: int) -> tuple[Any, ...]:
-        return ()
-
-    def initial_contact(self, rows: Any) -> Any:
-        thread = next(e.row for e in self.placed_elements if isinstance(e, joints.ScrewMotion))
-        at_0, at_1 = rows(np.array([0.0, 1.0]))[thread]
-        return at_0 / (at_0 - at_1)
 
 
 @dataclass(frozen=True, kw_only=True)
