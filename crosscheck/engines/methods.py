@@ -32,7 +32,7 @@ from crosscheck.engines import (
     refuse,
     terms_of,
 )
-from crosscheck.engines.undisturbed import quiet, undisturbed
+from crosscheck.engines.undisturbed import quiet
 from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
@@ -218,7 +218,7 @@ class Method:
         """
         if order is not None:
             scene = replace(scene, effects=ORDERS[order])
-        with undisturbed():
+        with quiet():
             if self.answer is not None:
                 self._refuse(scene)
                 return self.answer(scene)
@@ -231,7 +231,7 @@ class Method:
         """Return what it adds to the allowed error of a scene by its own doing."""
         if not hasattr(self.adapter, "terms"):
             return ()
-        with undisturbed():
+        with quiet():
             return terms_of(self.adapter, scene, self.producer.route)
 
     def affected(self, effect: str) -> Method:

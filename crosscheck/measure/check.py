@@ -259,10 +259,11 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     ref, scene = subject.ref, subject.scene
     who: Any = {"engine": engine.name, "method": method.called}
     try:
-        start = time.perf_counter()
-        motion = method.solve(subject.copy)
-        seconds = time.perf_counter() - start
-        of_method = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
+        with undisturbed():
+            start = time.perf_counter()
+            motion = method.solve(subject.copy)
+            seconds = time.perf_counter() - start
+            of_method = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
@@ -345,7 +346,8 @@ def _turned_round(method: Method, subject: _Subject, terms: Sequence[Term]) -> C
     ref, fewer = subject.ref, subject.turned_round
     asked = slice(len(fewer.times))
     try:
-        motion = method.solve(copied(fewer))
+        with undisturbed():
+            motion = method.solve(copied(fewer))
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)

@@ -13,6 +13,7 @@ from typing import Any
 
 from crosscheck.engines import PHYSICAL, QUANTITIES, EngineError, EngineRefusal, Term
 from crosscheck.engines.methods import ORDERS, Method, Use, copied, methods
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.judge.delivery import misshapen
@@ -138,9 +139,10 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     within : float
         How long to measure [s].
     """
-    answers = {name: _answer(work, ref.scene) for name, work in ablated.runs.items()}
-    runs = {name: work for name, work in ablated.runs.items() if not isinstance(answers[name], EngineError)}
-    timings = timed_in_turns(runs, rounds=ROUNDS, fewest=FEWEST, within=within) if runs else {}
+    with undisturbed():
+        answers = {name: _answer(work, ref.scene) for name, work in ablated.runs.items()}
+        runs = {name: work for name, work in ablated.runs.items() if not isinstance(answers[name], EngineError)}
+        timings = timed_in_turns(runs, rounds=ROUNDS, fewest=FEWEST, within=within) if runs else {}
     there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
     return there + [_unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 

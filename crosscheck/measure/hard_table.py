@@ -15,6 +15,7 @@ from typing import Any
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, copied, methods
+from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
@@ -44,9 +45,10 @@ def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
-            scene = copied(case.scene)
-            terms = method.terms(scene)
-            motion = method.solve(scene)
+            with undisturbed():
+                scene = copied(case.scene)
+                terms = method.terms(scene)
+                motion = method.solve(scene)
         except EngineError as error:
             rightly = "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
             return HardOutcome.REFUSED.value, f"{rightly}{error}"
