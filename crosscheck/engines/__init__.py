@@ -466,7 +466,17 @@ def _formed(spec: str, engine: Any) -> None:
 
 
 def all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
-    """Raise EngineError unless what an engine lists by one of its methods is a list of such."""
+    """Raise EngineError unless what an engine lists is a list of such.
+
+    Parameters
+    ----------
+    engine : Engine
+    key : str
+        The function of the engine that lists it.
+    listed : list
+    kind : type
+        What each of it is.
+    """
     if not (isinstance(listed, tuple | list) and all(isinstance(one, kind) for one in listed)):
         wanted = f"a list of {kind.__module__}.{kind.__name__}"
         raise EngineError(f"engine {engine.name!r}: {key}(): expected {wanted}, got {kept(repr(listed))}")
