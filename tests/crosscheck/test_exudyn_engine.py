@@ -15,7 +15,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn import methods
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.methods import Static
-from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, solved
+from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, quiet_settings, solved, stopping_rule
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, AngleDriver, Distance
@@ -238,6 +238,22 @@ def test_poses_that_are_extrapolated_begin_anew_after_one_that_was_not_reached()
     model.solve(step, 0)
 
     assert np.array(starts) - model.start == pytest.approx(np.tile([[0.0], [0.0], [0.0], [0.2], [0.5]], 9), abs=1e-14)
+
+
+def test_what_solvestatic_leaves_is_a_part_of_the_largest_residual_that_it_starts_with():
+    """That of the estimates, or what all laws together step from one time to the next, times the largest distance."""
+    newton = quiet_settings().staticSolver.newton
+    values, lengths = np.array([[0.0, 3.0, 3.0], [0.0, 4.0, 9.0]]), [np.array([0.5, 3.0])]
+
+    for residual, laws, started in (
+        ([2.0, 1.0], values, 5.0),
+        ([6.0, 8.0], values, 10.0),
+        ([3.0, 4.0], values[:0], 5.0),
+    ):
+        rule = stopping_rule(np.array(residual), laws, lengths, 0.1, "m")
+        assert rule.absolute == pytest.approx(max(newton.absoluteTolerance, newton.relativeTolerance * started) * 0.3)
+    at_rest_already = stopping_rule(np.zeros(2), values[:0], (), 0.1, "m")
+    assert at_rest_already.absolute == pytest.approx(newton.absoluteTolerance * 0.1)
 
 
 def test_the_direct_method_starts_at_the_polynomial_through_the_last_poses_whatever_the_steps(monkeypatch):

@@ -11,6 +11,7 @@ import pytest
 
 import refkin
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
+from crosscheck.night import hunting
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.measured import measured
 
@@ -137,3 +138,18 @@ def test_only_best_methods_are_hunted():
     result = dict(ratios(Plain(answers=answers), {"e": "best"}))
 
     assert result == {("e", "best", "position"): 3.0, ("e", "best", CERTIFICATE): 2.0}
+
+
+def test_hypothesis_is_told_how_bad_a_scene_is_and_what_is_worse_than_before_is_kept(monkeypatch):
+    told, bag, now = [], Bag(), {("a", "m", "position"): 0.02, ("a", "m", "velocity"): 0.0}
+    monkeypatch.setattr(hunting, "target", lambda value, label: told.append((label, value)))
+    monkeypatch.setattr(hunting, "ratios", lambda record, best: now.items())
+    for scene in ("first", "second", "third"):
+        hunting._weigh(bag, {}, Plain(failure=None, disagreements=()), scene, "")
+        now["a", "m", "position"] = {"first": 0.5, "second": 0.1}.get(scene)
+
+    assert told[:2] == [("a m position", pytest.approx(math.log10(0.02))), ("a m velocity", -30.0)]
+    assert [(name[2], catch.ratio, catch.scene, catch.number) for name, catch in bag.catches.items()] == [
+        ("position", 0.5, "second", 2),
+        ("velocity", 0.0, "first", 1),
+    ]

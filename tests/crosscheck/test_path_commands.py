@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import refkin
+from crosscheck.commands.follow import lines
 from refkin import FourBar, Polynomial, SliderCrank
 from refkin.scenes.linkages import ScrewJack
+from refkin.solving.follow import TurningPoint
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
@@ -30,6 +34,24 @@ def beyond():
 def dead_centre():
     law = Polynomial(coefficients=(0.75, -0.1))
     return SliderCrank(0.25, 0.5).scene(driven="slider", law=law, times=(0.0,))
+
+
+def test_a_path_is_told_with_the_worst_radius_of_the_poses_that_are_proved():
+    turns = [TurningPoint(t=1.5, q=np.zeros(3), index=1, is_maximum=most) for most in (True, False)]
+    path = {"t": np.array([0.5, 1.5, 1.25]), "residual": np.array([1e-16, 2e-15, 3e-16]), "events": turns}
+    path |= {"message": "it ends", "radius": np.array([1e-12, np.nan, 3e-11])}
+    told = lines("turn", SimpleNamespace(**path))
+    unproved = lines("turn", SimpleNamespace(**{**path, "radius": np.full(3, np.nan)}))
+
+    assert told == [
+        "3 poses, turn from 0.5",
+        "2 of them proved to be alone, worst radius 3e-11; worst scaled residual 2e-15",
+        "pose 1: turn turns at its largest value 1.5",
+        "pose 1: turn turns at its smallest value 1.5",
+        "pose 2: it ends, at turn = 1.25",
+    ]
+    assert unproved[1] == "0 of them proved to be alone; worst scaled residual 2e-15"
+    assert lines("turn", SimpleNamespace(**{**path, "t": np.zeros(0)})) == ["it ends"]
 
 
 def test_a_path_is_told_by_its_turning_points(command):
