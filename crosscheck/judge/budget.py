@@ -264,15 +264,12 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     t : (T,) array
         Times [s].
     """
-    z, n = _stepped(q), len(q)
+    z = _stepped(q)
     slope = system.phi_q(z, t)
     inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
-    # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
-    still = np.zeros_like(z)
-    at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
-    gamma = np.imag(system.gamma(at, moving, t)) / STEP
+    by_pose, by_rate = (np.imag(system.gamma(*x, t)) / STEP for x in ((z, qd[:, None]), (q[:, None], _stepped(qd))))
     second = _stacked(_times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
-    third, coriolis = _stacked(_times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
+    third, coriolis = _stacked(_times(bent, qdd[:, None]) - by_pose), _stacked(by_rate)
     rate = inverse @ second  # A S
     bend = inverse @ (third + coriolis @ rate)
     own, rate, bend, turned = (
@@ -325,7 +322,9 @@ def _solve_error(size: Any) -> Any:
 
 def _stepped(x: Any) -> Any:
     """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
-    return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+    z = x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+    z.flags.writeable = False
+    return z
 
 
 def _clock(system: System, t: Any) -> Any:
