@@ -26,7 +26,7 @@ TINY = 1e-6
 
 def is_round_off(residual: Any, q: Any) -> Any:
     """Return whether phi (m,) or (m, B) at q (n,) or (n, B) is what rounding leaves of it at a root."""
-    return np.max(np.abs(residual), axis=0) <= ROUND_OFF * np.maximum(1.0, np.max(np.abs(q), axis=0))
+    return np.abs(residual).max(axis=0) <= ROUND_OFF * np.maximum(1.0, np.abs(q).max(axis=0))
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
@@ -176,13 +176,13 @@ def solve_linear(matrix: Any, right: Any) -> Any:
     square = matrix.shape[0] == matrix.shape[1]
     if matrix.ndim == 2:
         return np.linalg.solve(matrix, right) if square else np.linalg.lstsq(matrix, right, rcond=None)[0]
-    stacked, columns = (np.moveaxis(x, -1, 0) for x in (matrix, right[:, None]))
+    stacked, columns = matrix.transpose(2, 0, 1), right.T[..., None]
     if square:
         x = np.linalg.solve(stacked, columns)
     else:
         x = (inverse := np.linalg.pinv(stacked)) @ columns  # least squares, which NumPy has of one system alone
         x = x + inverse @ (columns - stacked @ x)  # the product leaves |J^+| |J| roundings
-    return np.moveaxis(x[..., 0], 0, -1)
+    return x[..., 0].T
 
 
 def _row(q0: Any) -> Any:

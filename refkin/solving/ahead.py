@@ -20,7 +20,7 @@ from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.path.curve import are_poses
 from refkin.solving.passages import OFTEN
-from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, NEAR, SHORT, before, neville
+from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, LEAST, NEAR, SHORT, SPREAD, before, neville
 from refkin.solving.sweep import ALONE, Sweep
 from refkin.system import System
 
@@ -232,8 +232,10 @@ class Ahead:
         first = max(len(sweep.t) - 8, sweep.jumps[-1] + 1 if sweep.jumps else 0)
         times = np.append(sweep.t[first:-1], self.t)
         poses = np.concatenate([np.array(sweep.q[first:]).T, self.q[:, 1:]], axis=1)
-        numbers, listed = ends + len(times) - len(self.t), times.tolist()
-        kept = [before(listed, k - 1, listed[k]) for k in numbers.tolist()]
+        numbers, listed, apart = ends + len(times) - len(self.t), times.tolist(), np.diff(times)
+        least, nearest = SPREAD * apart[numbers - 1], apart[np.maximum(numbers - [[2], [3], [4]], 0)].min(axis=0)
+        few = set(numbers[(numbers < 4) | (nearest < np.maximum(least, LEAST))].tolist())
+        kept = [before(listed, k - 1, listed[k]) if k in few else range(k - 1, k - 5, -1) for k in numbers.tolist()]
         counts, out = np.array([len(these) for these in kept]), np.empty((len(poses), len(ends)))
         for count in set(counts.tolist()):
             some = np.flatnonzero(counts == count)
@@ -319,4 +321,4 @@ def _solve(matrix: Any, right: Any) -> Any:
 
 
 def _largest(values: Any) -> Any:
-    return np.max(np.abs(values), axis=0, initial=0.0)
+    return np.abs(values).max(axis=0, initial=0.0)
