@@ -50,8 +50,8 @@ def test_numbers_that_were_kept_are_not_those_of_a_pose_that_was_overwritten():
     system, program = with_program(SLIDER)
     q, t = np.random.default_rng(0).normal(size=(system.n, 2)), np.zeros(2)
     old = q.copy()
-    program.phi(q, t)
+    assert np.array_equal(program.phi(q, t), system.phi(q, t))
     q += 1.0
 
+    assert all(np.array_equal(s.phi(q, t), system.phi(q.copy(), t)) for s in (system, program))
     assert np.array_equal(program.phi(old, t), system.phi(old, t))
-    assert np.array_equal(program.phi(q, t), system.phi(q, t))
