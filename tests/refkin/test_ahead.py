@@ -14,6 +14,7 @@ import refkin
 import refkin.solving.solve
 from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
 from refkin.analysis import sigma_min
+from refkin.differences import EPS
 from refkin.scenes.linkages.base import Branch
 from refkin.solving.ahead import SAME, Ahead, Leaps
 from refkin.solving.steps import neville
@@ -49,6 +50,16 @@ SCENES = {
         FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=3.0).scene(law=turning(2.0), times=TIMES[:9]), times=TIMES
     ),
 }
+
+
+def test_newton_s_method_ends_where_nothing_but_rounding_is_left_from_wherever_it_comes():
+    """x^2 = 0.0025, of which a correction s leaves 10 s^2; x^2 = -1 has no root."""
+    ahead = object.__new__(Ahead)
+    ahead.system = SimpleNamespace(phi=lambda q, t: q * q - t, phi_q=lambda q, t: 2.0 * q[None])
+    guesses = 0.05 + np.append(np.logspace(-16.0, -2.0, 400), 0.0)
+
+    assert ahead._closed(guesses[None], np.full(401, 0.0025))[0] == pytest.approx(0.05, rel=0.0, abs=0.25 * EPS)
+    assert np.isnan(ahead._closed(guesses[None], np.full(401, -1.0))).all()
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -181,8 +181,8 @@ def test_bodies_and_rows_are_involved_by_their_part_of_a_null_vector_however_lon
     mechanism = dead_centre().mechanism
     frames = recentred(compile_system(mechanism, unit=mechanism.unit()))
     pose = _Examination(frames, np.linspace(0.1, 0.9, frames.inner.n), 0.0)
-    motion, rows = np.zeros((frames.inner.n, 1)), np.zeros((1, frames.inner.m))
-    motion[[2, 5, 8], 0] = rows[0, [0, 2, 4]] = length * np.array([1.0, 2e-4, 0.5e-4])
+    motion, rows = np.zeros((frames.inner.n, 2)), np.zeros((1, frames.inner.m))
+    motion[[2, 5, 8], [0, 1, 0]] = rows[0, [0, 2, 4]] = length * np.array([1.0, 2e-4, 0.5e-4])
 
     assert pose._bodies(motion) == ("crank", "connecting_rod")
     assert pose._rows(rows) == ("A0", "A")

@@ -27,7 +27,7 @@ from refkin import (
 )
 from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
-from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
+from refkin.proof.path.tracing import BEND, CLOSE, FIRST_STEP, INSIDE, STANDING, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, _is_driven_angle, driven_by, straight_on
 
@@ -222,6 +222,10 @@ def test_straight_on_through_change_points_a_parallelogram_stays_one():
     assert np.max(off(path["rocker"].phi, path["crank"].phi)) < 1e-12
     for there in path.bifurcations:
         assert np.array_equal(path.tangents[there.index].q, there.incoming.q)
+
+
+LOST = math.sin(BEND / 2)
+"""Up to this rate of t a tangent that strays can lose its sign."""
 
 
 def test_there_is_no_way_straight_on_without_a_way_in_or_a_way_out():
@@ -589,6 +593,32 @@ def test_a_crossing_is_one_between_two_points_if_it_is_beside_their_chord_and_no
     tracer = Tracer(None, (0.0, 1.0), 1.0, 9)
 
     assert tracer._crossing(np.zeros(2), np.array([2.0, 0.0])) is (there if met else None)
+
+
+@pytest.mark.parametrize(
+    ("first", "inside", "last", "length", "unseen"),
+    [
+        (0.9 * LOST, -0.1, 0.5, 0.3, True),
+        (0.5, -0.1, -0.9 * LOST, 0.3, False),
+        (0.5, 0.1, 0.9 * LOST, 0.3, False),
+        (0.5, math.nan, 0.9 * LOST, 0.3, True),
+        (1.1 * LOST, -0.1, 0.5, 0.3, False),
+        (0.5 * STANDING, -0.1, 0.5, 0.3, False),
+        (0.9 * LOST, -0.1, 0.5, 0.5 * CLOSE, False),
+    ],
+)
+def test_t_turns_unseen_in_a_step_where_a_tangent_that_strays_can_lose_it(first, inside, last, length, unseen):
+    """By the rates of t at both ends and inside, NaN where there is no point: asked where one at an end is small."""
+    x, places, (before, between, after) = np.ones(3), [], (np.array([1.0, 0.0, r]) for r in (first, inside, last))
+
+    def corrected(guess, across):
+        places.append((guess - x)[0] / length)
+        return SimpleNamespace(converged=not (math.isnan(inside) and len(places) > 2), q=guess)
+
+    tracer = Tracer(SimpleNamespace(corrected=corrected, tangent=lambda *_: between), (0.0, 1.0), 1.0, 9)
+
+    assert tracer._turns_unseen(x, before, x + np.array([length, 0.0, 0.0]), after, length) is unseen
+    assert not places or places == pytest.approx(INSIDE)
 
 
 @pytest.mark.parametrize("length", [1.0, 1e-3, 1e3])

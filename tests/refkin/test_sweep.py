@@ -218,6 +218,16 @@ def test_a_pose_many_turns_on_is_where_the_wheel_is_and_the_loops_come_back(turn
     assert pose is None or np.max(np.abs(pose - sweep.q[0] - turns * winding.closed)) < 1e-13
 
 
+@pytest.mark.parametrize(("off", "singular"), [(0.0, True), (1e-9, True), (1e-5, False), (0.5, False)])
+@pytest.mark.parametrize("known", [True, False])
+def test_whoever_sets_out_from_a_singular_pose_knows_it(off, singular, known):
+    sweep, _ = stepped(PARALLELOGRAM, ("open",), (math.pi - 0.5 - off,))
+    sweep.singular = known
+    sweep._set_out(sweep.t[0] + 1.0)
+
+    assert bool(sweep.singular) is (known or singular)
+
+
 @pytest.mark.parametrize("proving", [True, False])
 def test_from_a_singular_first_pose_no_step_is_taken(proving):
     scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0,))

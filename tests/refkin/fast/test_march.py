@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin import FourBar
-from refkin.fast.march import FAR, Pose, _largest, at, coefficients, factor, predicted, slope, weights
+from refkin.fast.march import FAR, SMALL, Guesses, Pose, _largest, at, coefficients, factor, predicted, slope, weights
 from refkin.fast.prepare import prepared
 
 from .scenes import ROCKER, bare
@@ -148,3 +149,22 @@ def test_a_march_goes_by_way_of_the_times_at_which_laws_turn_back():
     work.march.extrema = lambda a, b: [t for t in (0.0123,) if a < t < b]
 
     assert 0.0123 in [pose.t for pose in work.march.to(0.1, start)]
+
+
+@pytest.mark.parametrize(("off", "same"), [(0.5 * SMALL, True), (2.0 * SMALL, False), (None, False)])
+def test_steps_around_times_are_quartered_if_that_leads_to_the_same_pose(off, same):
+    """A coordinate is the time, the other may be off; None leads nowhere."""
+    poses, asked = [Pose(t, ((t, 0.0),), (), path=[(0.0,) * 6]) for t in (0.0, 1.0, 2.0, 3.0)], []
+
+    def to(t, start, h):
+        asked.append((start.t, t))
+        between = [poses[0]._replace(t=s, levels=((s, off),)) for s in start.t + h * np.arange(1, 5)]
+        return None if off is None else between
+
+    guesses = Guesses([*poses])
+
+    assert guesses.quarter(np.array([0.2, 0.3, 2.5]), SimpleNamespace(to=to)) is same
+    assert asked == [(2.0, 3.0), (0.0, 1.0)][: 1 + same]
+    assert guesses.t.tolist() == [0.0, *[0.25, 0.5, 0.75] * same, 1.0, 2.0, *[2.25, 2.5, 2.75] * same, 3.0]
+    assert guesses.width.tolist() == np.diff(guesses.t).tolist()
+    assert Guesses(poses[:1]).quarter(np.array([0.0]), None) is False

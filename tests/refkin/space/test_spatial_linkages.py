@@ -27,6 +27,7 @@ from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Bricard, DoubleHooke, Hooke, RSSRChain, ScrewJack, Stewart
+from refkin.scenes.linkages.base import DoesNotAssemble
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import in_form
 from refkin.system import compile_system
@@ -635,6 +636,16 @@ def test_without_its_spin_a_body_moves_the_points_of_its_line_as_before():
 @pytest.mark.parametrize("square", [6.25, np.array([6.25, 0.0, 1e-300])])
 def test_a_root_is_that_of_each_number_of_a_row(square):
     assert np.all(root(square) == np.sqrt(square))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_cosine_that_rounding_leaves_beyond_1_is_one_of_1_and_no_further(sign):
+    linkage = EVERY["RSSR"]
+
+    assert linkage._cosine(0.3, sign * (1.0 + 2.0**-45)) == math.acos(sign)
+    assert linkage._cosine(0.3, sign * 0.5) == math.acos(sign * 0.5)
+    with pytest.raises(DoesNotAssemble):
+        linkage._cosine(0.3, sign * (1.0 + 2.0**-43))
 
 
 def test_starts_from_anywhere_are_spread_over_a_cube_and_favour_no_turn():
