@@ -6,12 +6,14 @@ import functools
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from crosscheck import engines
-from crosscheck.engines import GROUP, PEERS, EngineError, EngineRefusal
-from crosscheck.engines.methods import PRICED, Method, Use, methods
+from crosscheck.engines import GROUP, PEERS, QUANTITIES, EngineError, EngineRefusal
+from crosscheck.engines.methods import ORDERS, PRICED, Method, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
 from crosscheck.measure import bench
@@ -76,6 +78,17 @@ def test_its_effects_are_measured():
     assert {row.effect for row in result} >= {"velocity", "points", "gravity"}
     priced = {row.effect for row in result if row.microseconds is not None}
     assert priced == {"other bodies"}  # of positions alone: no velocity has a price, nor is it inert
+
+
+def test_what_an_effect_is_measured_against_is_asked_for_everything_else():
+    """A level without those above it; points and one body with all levels; no evidence."""
+    method: Any = SimpleNamespace(engine="none", simulating=None, highest=2, solve=lambda scene: scene)
+    asked: Any = {name: work() for name, work in ablations(method, FEW).works.items()}
+
+    assert [asked[level].effects for level in QUANTITIES] == list(ORDERS)
+    assert asked["points"] == replace(FEW, effects=ORDERS[-1], evidence=frozenset(), points=asked["points"].points)
+    assert len(asked["points"].points) == 1
+    assert asked["one body"] == replace(asked["points"], points=(), bodies_wanted=(FEW.mechanism.bodies[0].name,))
 
 
 def test_it_is_asked_hard_cases():
