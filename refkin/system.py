@@ -85,7 +85,8 @@ class System:
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
-        values = self._values(q := np.asarray(q))
+        q = np.asarray(q)
+        values = self._values(q)
         out = np.zeros((self.m, self.n, *q.shape[1:]), dtype=np.result_type(q, np.asarray(t)))
         for p in self.placed:
             blocks = p.constraint.jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
@@ -125,16 +126,15 @@ class System:
                 at += shift
         return out
 
-    def _values(self, q: Any, qd: Any = None) -> Any:
-        """Return the values of each body and parameter by its place in q, None the ground; of a read-only q once."""
-        width, of_body, numbers = self.kind.width, self.kind.values, q.tolist() if q.ndim == 1 else q
+    def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
+        """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
+        numbers = q.tolist() if q.ndim == 1 else q
+        kind, width = self.kind, self.kind.width
         places = {k: slice(k, k + width) for k in range(0, self.of_bodies, width)}
         places |= {k: slice(k, k + 1) for k in range(self.of_bodies, self.n)}
-        known, values = self._kept.get("pose", (None, None))
-        if known is not q or q.flags.writeable:
-            values = {k: (of_body if k < self.of_bodies else ParameterValue)(*numbers[at]) for k, at in places.items()}
-            values[None] = of_body(*self.kind.still)
-            self._kept["pose"] = (None if q.flags.writeable else q, values)
+        values: dict[int | None, Any] = {None: kind.values(*kind.still)}
+        for k, at in places.items():
+            values[k] = (kind.values if k < self.of_bodies else ParameterValue)(*numbers[at])
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
             values[None].moving(*(0.0,) * width)

@@ -264,12 +264,15 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     t : (T,) array
         Times [s].
     """
-    z = _stepped(q)
+    z, n = _stepped(q), len(q)
     slope = system.phi_q(z, t)
     inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
-    by_pose, by_rate = (np.imag(system.gamma(*x, t)) / STEP for x in ((z, qd[:, None]), (q[:, None], _stepped(qd))))
+    # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
+    still = np.zeros_like(z)
+    at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
+    gamma = np.imag(system.gamma(at, moving, t)) / STEP
     second = _stacked(_times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
-    third, coriolis = _stacked(_times(bent, qdd[:, None]) - by_pose), _stacked(by_rate)
+    third, coriolis = _stacked(_times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
     rate = inverse @ second  # A S
     bend = inverse @ (third + coriolis @ rate)
     own, rate, bend, turned = (
@@ -322,9 +325,7 @@ def _solve_error(size: Any) -> Any:
 
 def _stepped(x: Any) -> Any:
     """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
-    z = x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
-    z.flags.writeable = False
-    return z
+    return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
 
 
 def _clock(system: System, t: Any) -> Any:

@@ -80,7 +80,6 @@ def running(q: Any, error: Any = 0.0) -> Any:
         q, error = q.tolist(), error.tolist()
     for k, (value, bound) in enumerate(zip(q, error, strict=True)):
         out[k] = Running(value, bound)
-    out.flags.writeable = False
     return out
 
 

@@ -152,7 +152,7 @@ class Extended(Bounded):
 
     @staticmethod
     def size_of(mid: Any) -> Any:
-        return abs(mid.astype(float))
+        return abs(mid).astype(float)
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,6 @@ def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
     out = np.empty(len(q), object)
     for k, (mid, spread) in enumerate(zip(q, spreads, strict=True)):
         out[k] = number.exactly(mid, spread)
-    out.flags.writeable = False
     return out
 
 

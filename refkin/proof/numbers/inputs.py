@@ -158,8 +158,8 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
         rough = bounded_system(system.held_at(q), error=A_FEW_ROUNDINGS)
         near = product(pose.size, of_rows(input_effect(system, q, t, A_FEW_ROUNDINGS), rows)) + half_ulp(system, q)
+        slope = read(rough.phi_q(box(q, near), times), batch)
         at, rate, radii = box(q, near), np.zeros_like(q), np.zeros_like(q)
-        slope = read(rough.phi_q(at, times), batch)
         for order in range(2 if acceleration else 1):
             right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), batch)
             rate = product(pose.inverse, of_rows(right.mid, rows))
