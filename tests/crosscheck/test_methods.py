@@ -14,7 +14,7 @@ import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import PRICED, Use, method, methods
-from crosscheck.engines.tree.newton import _extrapolated
+from crosscheck.engines.tree.newton import _extrapolated, solved_one, solved_rows
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
@@ -298,3 +298,13 @@ def test_the_next_pose_is_guessed_as_if_the_acceleration_stayed():
     guess = _extrapolated([np.array([level, [np.nan] * 3]) for level in with_rates], 2, t)
     assert guess[0] == 3.0 + 2.0 * 2.5 - 2.5 * 2.5
     assert np.isnan(guess[1])
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_systems_of_loops_are_solved_whatever_their_size(size):
+    draw = np.random.default_rng(size)
+    matrices, x = draw.normal(size=(5, size, size)) + 3.0 * np.eye(size), draw.normal(size=(5, size))
+    right = np.einsum("bij,bj->bi", matrices, x)
+
+    assert solved_rows(matrices, right) == pytest.approx(x, abs=1e-12)
+    assert np.array(list(map(solved_one, matrices, right))) == pytest.approx(x, abs=1e-12)

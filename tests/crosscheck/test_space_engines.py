@@ -17,6 +17,8 @@ from crosscheck.engines.closed_form.jets import Floats, Jet, on_circle
 from crosscheck.engines.closed_form.space import BETWEEN, SpatialAssembly
 from crosscheck.engines.closed_form.space_motion import _lowest_between, _proved_absent
 from crosscheck.engines.closed_form.space_vectors import least_squares
+from crosscheck.engines.pinocchio.space import PinocchioSpace
+from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
@@ -272,6 +274,17 @@ def test_an_estimate_whole_turns_away_from_the_law_is_the_same_estimate(engine: 
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-estimate-a-turn-away.toml")
 
     assert [str(seen) for seen in check(scene, [engine]).disagreements] == []
+
+
+@pytest.mark.parametrize("turns", [7, -2])
+def test_a_driven_angle_starts_at_the_turn_of_its_law(turns: int) -> None:
+    scene = space_scenes.rssr()
+    law = refkin.Polynomial(coefficients=(0.4 + turns * math.tau, 1.7))
+    driven = replace(scene.mechanism, drivers=(replace(scene.mechanism.drivers[0], law=law),))
+    system = SpaceScene.of(replace(scene, mechanism=driven), PinocchioSpace).system
+    ((_, _, (column, *_)),) = system._driven
+
+    assert system.start(0.0)[column] == pytest.approx(law(0.0, 0), abs=0.01)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
