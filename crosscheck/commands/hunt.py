@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json, Whole, console, positive, printable, shown_progress, table
+from crosscheck.commands.usage import Json, Whole, console, positive, printable, shown_progress, table, writable_folder
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
@@ -62,6 +62,7 @@ def hunt_worst(
     """
     positive("minutes", minutes)
     positive("scene-seconds", scene_seconds)
+    writable_folder("out", out)
     installed, missing = find_engines(names(engines, always=(ALWAYS,)))
     if missing:
         print("\n".join(missing.values()), file=sys.stderr)

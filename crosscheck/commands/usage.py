@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -46,6 +47,15 @@ def writable(key: str, file: Path | None) -> None:
     """Refuse a file that cannot be written, before anything is computed for it; None was not given."""
     if file is not None and ("\0" in str(file) or file.is_dir() or not file.absolute().parent.is_dir()):
         raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
+
+
+def writable_folder(key: str, folder: Path) -> None:
+    """Make a folder, or refuse one that cannot be written to, before anything is computed for it."""
+    with suppress(OSError, ValueError):
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return
+    raise UsageError(f"--{key}: expected a folder that can be written to, got {folder}")
 
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")

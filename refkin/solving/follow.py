@@ -194,7 +194,8 @@ def follow(
     Raises
     ------
     ValueError
-        If a system is given without a pose to start from, or drivers whose rates are beyond float64.
+        If a system is given without a pose to start from, or drivers whose rates are beyond float64, or a path begins
+        outside of `until`.
     """
     system = compile_system(continued(given.mechanism), unit=given.mechanism.unit())
     message, limits = "", until or (-math.inf, math.inf)
@@ -209,6 +210,8 @@ def follow(
             limits = given.times[0], given.times[-1]
     else:
         raise ValueError("a system alone does not say where to start: give (q, t)")
+    if not limits[0] <= t <= limits[1]:
+        raise InvalidRequest("until", f"two values that t = {t:.17g}, where the path begins, is between", str(limits))
     frames = recentred(system)
     if q is None:
         return _Continuation(frames, None, limits).path(Trace(), message)

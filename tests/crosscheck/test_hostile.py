@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from crosscheck.commands import hunt as hunting_command
 from crosscheck.commands.usage import Printable, printable
+from crosscheck.errors import UsageError
 from crosscheck.judge.records import EnclosedTimes
 from crosscheck.night import hunting
 from crosscheck.night.campaign import OtherRun, make_room
@@ -187,6 +189,14 @@ def test_a_hunt_starts_from_the_worst_scenes_of_a_night(tmp_path, hunted):
 
     assert starts == [(5, 1), (5, 2), (5, 0)]
     assert {catch.origin for catch in bag.catches.values()} == {"scene 1 of night 5"}
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_hunted_for(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(hunting_command, "hunt", lambda *_, **__: pytest.fail("hunted"))
+
+    with pytest.raises(UsageError, match="--out: expected a folder that can be written to"):
+        hunting_command.hunt_worst(out=tmp_path / "file", engines="closed_form")
 
 
 def test_climbing_begins_at_the_scene_that_was_drawn():

@@ -69,6 +69,13 @@ def test_a_path_that_begins_where_it_may_not_go_on_is_one_pose(direction, until)
     assert path.t.tolist() == [0.5]
 
 
+@pytest.mark.parametrize("until", [(0.6, 2.0), (-2.0, 0.4)])
+def test_a_path_that_begins_where_it_may_not_be_is_refused(until):
+    """It was said to leave a range in which it never was."""
+    with pytest.raises(refkin.InvalidRequest, match=r"until: expected two values that t = 0\.5, where the path begins"):
+        refkin.follow(driven(ROCKER), until=until)
+
+
 def test_a_crossing_that_the_first_step_would_pass_is_met():
     path = refkin.follow(driven(PARALLELOGRAM, math.pi - 0.004), most_points=5)
 
