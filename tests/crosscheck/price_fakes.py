@@ -12,7 +12,7 @@ from functools import cache, partial
 import numpy as np
 
 import refkin
-from crosscheck.engines import API, EngineError
+from crosscheck.engines import API, ELEMENTS, NATIVE, EngineError, Level
 from crosscheck.engines.methods import Method, Model, Use
 from refkin.model import Effect
 
@@ -28,7 +28,7 @@ class Listing:
         return "0"
 
     def capabilities(self):
-        return {}
+        return dict.fromkeys(ELEMENTS, dict.fromkeys(Level, NATIVE))
 
     def terms(self, scene, route=None):
         return ()

@@ -191,7 +191,7 @@ def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
             "no_such_module:Engine",
             "engine 'no_such_module:Engine' cannot be imported: No module named 'no_such_module'",
         ),
-        (f"{FRAMES}:Linear", "lacks: name, api, version, routes, capabilities, terms, solve"),
+        (f"{FRAMES}:Linear", "lacks: name, api, version, routes, solve, capabilities, terms"),
     ],
     ids=["no file", "no class", "no module", "no engine"],
 )

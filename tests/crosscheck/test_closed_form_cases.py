@@ -17,7 +17,7 @@ from crosscheck.engines.closed_form.assemble import Assembly, LocusRow
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLocus, line_and_circle
-from crosscheck.engines.closed_form.solution import PART, _gaps, _moves, lost_after
+from crosscheck.engines.closed_form.solution import PART, _gaps, _lost_after, _moves
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
@@ -333,7 +333,7 @@ def test_an_interval_is_looked_at_in_as_many_parts_as_things_move_in_it():
     solve = slack_of(np.polynomial.Polynomial([1.0, 1.0]), asked)
     parts = (0.0, 0.5, *np.linspace(1.0, 3.0, 6, endpoint=False), *np.arange(48, 64) / 16, *np.arange(16, 33) / 4)
 
-    assert lost_after((0.0, 1.0, 3.0, 4.0, 8.0), solve, moves) == lost_after((0.0, 1.0), solve, moves[:1]) == math.inf
+    assert _lost_after((0.0, 1.0, 3.0, 4.0, 8.0), solve, moves) == _lost_after((0.0, 1.0), solve, moves[:1]) == math.inf
     assert asked == [parts, (0.0, 0.5, 1.0)]
 
 
@@ -342,12 +342,12 @@ def test_an_interval_is_looked_at_in_as_many_parts_as_things_move_in_it():
 def test_a_slack_that_is_least_between_two_times_is_followed_down_to_where_it_is_none(lowest, met, size):
     """Every solve begins at the first time: there the estimates tell the assembly."""
     asked, law = [], size * np.polynomial.Polynomial([3.6**2 + lowest, -7.2, 1.0])
-    lost = lost_after((0.0, 2.0, 4.0), slack_of(law, asked, 1.0 / size**2), np.zeros(2))
+    lost = _lost_after((0.0, 2.0, 4.0), slack_of(law, asked, 1.0 / size**2), np.zeros(2))
 
     assert lost == pytest.approx(3.6, abs=1.1 * math.sqrt(abs(lowest))) if met else lost == math.inf
     assert not met or law(lost) <= 0.0
     assert {times[0] for times in asked} == {0.0}
-    assert lost_after((0.0, 2.0, 4.0), slack_of(law.deriv() * -1.0, asked), np.zeros(2)) == 4.0  # and stays so
+    assert _lost_after((0.0, 2.0, 4.0), slack_of(law.deriv() * -1.0, asked), np.zeros(2)) == 4.0  # and stays so
 
 
 def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():

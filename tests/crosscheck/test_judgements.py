@@ -21,7 +21,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from crosscheck.engines import ELEMENTS, NATIVE, Level, Term
+from crosscheck.engines import ELEMENTS, NATIVE, QUANTITIES, Level, Term
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
 from crosscheck.judge import delivery, hard_poses
 from crosscheck.judge.changes import change
@@ -222,10 +222,9 @@ def compared(ref: Reference, motion: Motion, terms: Any, at: Any = slice(None)) 
 
 def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
     """Return what is said of answers that are not what was asked for, and which joints they violate."""
-    engine = SimpleNamespace(name="exudyn")
     wrong_way, at = delivery.put_together_wrongly(scene, off)
     faults = [
-        *delivery.undelivered(engine, scene, few),
+        *delivery.undelivered(QUANTITIES, scene, few),
         *delivery.believed(ref, off),
         *delivery.unclosed(ref, off, TERMS[1]),
         *wrong_way,
@@ -233,7 +232,7 @@ def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
     terms = (*TERMS[1], *TERMS[2], Term(name="stopping rule", level="position", reason="", absolute=1e-8), *IN_FORM)
     judged = np.flatnonzero(ref.budget().compared)
     broken = [violations(ref, off, order, off.t[k]) for k in judged[:1] for order in range(3)]
-    allowed, undocumented = delivery.granted(engine, scene, terms)
+    allowed, undocumented = delivery.granted(SimpleNamespace(name="exudyn"), scene, terms)
     cut = replace(few, t=few.t + 1.0, status=few.status[1:], q=few.q[1:], bodies=("nobody", *few.bodies[1:]))
     shape = [*delivery.misshapen(scene, off), *delivery.misshapen(scene, cut), *delivery.misshapen(scene, 1)]
     pose = delivery.excuse(ref, float(off.t[-1]), 100.0) if judged.size else None

@@ -270,7 +270,7 @@ def test_an_answer_in_another_order_that_has_no_shape_is_one_that_depends_on_the
 
 
 def felt(method, scene):
-    return [work() for work in ablations(method, scene).works.values()]
+    return [work() for work in ablations(method, scene).runs.values()]
 
 
 def asked_hard(method, scene):

@@ -82,8 +82,8 @@ def test_its_effects_are_measured():
 
 def test_what_an_effect_is_measured_against_is_asked_for_everything_else():
     """A level without those above it; points and one body with all levels; no evidence."""
-    method: Any = SimpleNamespace(engine="none", simulating=None, highest=2, solve=lambda scene: scene)
-    asked: Any = {name: work() for name, work in ablations(method, FEW).works.items()}
+    method: Any = SimpleNamespace(engine="none", adapter=None, highest=2, solve=lambda scene: scene)
+    asked: Any = {name: work() for name, work in ablations(method, FEW).runs.items()}
 
     assert [asked[level].effects for level in QUANTITIES] == list(ORDERS)
     assert asked["points"] == replace(FEW, effects=ORDERS[-1], evidence=frozenset(), points=asked["points"].points)

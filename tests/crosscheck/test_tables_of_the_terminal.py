@@ -122,7 +122,10 @@ def test_digits_of_nights_are_those_of_the_last_and_the_range_of_the_worst():
 def test_of_the_price_list_only_what_changed_is_shown_with_its_course():
     nights = ["2026-10-01 02:17", "2026-10-02 02:17"]
     quiet = {"nights": nights, "values": [1.0, 2.0], "changes": {}}
-    series = [{**quiet, "name": "a · b"}, {**quiet, "name": "a · b, k: position, regular"}]
+    series = [
+        {**quiet, "name": "a · b", "priced": False},
+        {**quiet, "name": "a · b, k: position, regular", "priced": True},
+    ]
     series.append({**series[1], "changes": {"1": 1.5}})
 
     assert cells(nightly._cost_table(series)) == [
@@ -186,11 +189,11 @@ def test_hard_cases_of_the_kinds_that_are_asked_for_are_asked_in_their_order():
 
 
 def test_hard_cases_are_counted_by_verdict_and_what_is_wrong_stands_with_its_reason(capsys):
-    keys = ("engine", "method", "case", "distance", "of", "verdict", "class", "quote", "note")
+    keys = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
     rows = [
-        ("a", "newton", "toggle", 0.01, 3, "correct", None, None, ""),
-        ("a", "newton", "toggle", 0.001, 3, "wrong", "defect", "so it is", "far off"),
-        ("b", "newton", "toggle", 0.01, 3, "hang", None, None, "never came"),
+        ("a", "newton", "-", "toggle", 0.01, 3, "correct", None, None, ""),
+        ("a", "newton", "-", "toggle", 0.001, 3, "wrong", "defect", "so it is", "far off"),
+        ("b", "newton", "-", "toggle", 0.01, 3, "hang", None, None, "never came"),
     ]
     hunt._print_table([dict(zip(keys, row, strict=True)) for row in rows])
     shown = capsys.readouterr().out
