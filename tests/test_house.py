@@ -95,7 +95,7 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 59_000
+    assert size["refkin"] + size["crosscheck"] <= 60_000
     assert size["tests"] <= 45_000
 
 
@@ -341,7 +341,7 @@ def parameters(node):
     return {name for head in heads for name in head.split(", ")} if section else None
 
 
-MOST_WITHOUT = 116
+MOST_WITHOUT = 40
 """Public functions of three arguments or more that have not all of them in a Parameters section: it may only fall."""
 
 

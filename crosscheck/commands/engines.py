@@ -119,7 +119,14 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
 
 
 def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[KnownGap]) -> str:
-    """Return the line of a disagreement with the known gap that accounts for it, if any."""
+    """Return the line of a disagreement with the known gap that accounts for it, if any.
+
+    Parameters
+    ----------
+    disagreement, record : Disagreement, Record
+        The latter is that of its scene.
+    gaps : sequence of KnownGap
+    """
     gap = next((gap for gap in gaps if gap.covers(record, disagreement)), None)
     return str(disagreement) if gap is None else f"{disagreement} [known since {gap.date}: {gap.reason}]"
 

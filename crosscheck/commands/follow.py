@@ -24,7 +24,7 @@ TIME = "time"
 """What the path's t is if it is not the value of a driver."""
 
 
-def to_json(scene: Scene, parameter: str, path: Path) -> dict[str, Any]:
+def _to_json(scene: Scene, parameter: str, path: Path) -> dict[str, Any]:
     """Return a path as plain data; numbers that do not exist are null."""
     return {
         "schema": SCHEMA,
@@ -143,7 +143,7 @@ def print_path(
         with naming(csv):
             path.to_csv(csv)
     if as_json:
-        print(json.dumps(to_json(read, parameter, path)))
+        print(json.dumps(_to_json(read, parameter, path)))
     else:
         if csv is None:
             print_numbers(wide(path), len(path.first_columns))

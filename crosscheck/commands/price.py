@@ -123,7 +123,15 @@ def print_list(result: Mapping[str, Any]) -> None:
 
 
 def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> bool:
-    """Print whether two lists have the same winners; return whether in enough cells, of which there must be one."""
+    """Print whether two lists have the same winners; return whether in enough cells, of which there must be one.
+
+    Parameters
+    ----------
+    before, now : mapping
+        The lists, as the JSON has them.
+    as_json : bool
+        Whether JSON is printed, or text.
+    """
     parts = [repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")]
     cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = same / cells if cells else None

@@ -46,8 +46,15 @@ NOTHING = Observed(np.nan, np.nan, 0)
 def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
     """Return the order of convergence from a history of errors.
 
-    Each p_k = log(e_(k+2)/e_(k+1)) / log(e_(k+1)/e_k) uses three errors below `basin` of which the last is above
-    `floor`; the last one is the nearest to the limit, so it is the value, and at least two are needed.
+    Each p_k = log(e_(k+2)/e_(k+1)) / log(e_(k+1)/e_k) uses three errors; the last is
+    the nearest to the limit, so it is the value, and at least two are needed.
+
+    Parameters
+    ----------
+    errors : sequence of float
+        One per iterate, the first one first.
+    floor, basin : float
+        Errors count from the first below the basin to the last above the floor.
     """
     e = _trimmed(errors, floor, basin)
     estimates = [np.log(e[k + 2] / e[k + 1]) / np.log(e[k + 1] / e[k]) for k in range(len(e) - 2)]
@@ -57,7 +64,13 @@ def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float 
 
 
 def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
-    """Return the rate of linear convergence: the median of e_(k+1) / e_k, of at least four."""
+    """Return the rate of linear convergence: the median of e_(k+1) / e_k, of at least four.
+
+    Parameters
+    ----------
+    errors, floor, basin
+        As for `newton_order`.
+    """
     e = _trimmed(errors, floor, basin)
     ratios = e[1:] / e[:-1]
     if len(ratios) < 4:
@@ -67,9 +80,16 @@ def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float =
 
 
 def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observed:
-    """Return the slope of log error over log h, over the errors between `floor` and `ceiling`; at least four points.
+    """Return the slope of log error over log h, of at least four points.
 
     `spread` is the largest distance of a slope between neighbours from the fitted one.
+
+    Parameters
+    ----------
+    h, errors : (N,) array
+        Steps, and the error of each.
+    floor, ceiling : float
+        Errors between the two count.
     """
     h, errors = np.asarray(h, float), np.asarray(errors, float)
     keep = (errors > floor) & (errors < ceiling)

@@ -30,6 +30,8 @@ def four_bar(
 
     Parameters
     ----------
+    ground, crank, coupler, rocker : float
+        Lengths r1, r2, r3, r4.
     given, driven : Law or float, str
         Which of theta2, theta3, theta4 is the input, and its value; the other two are the unknowns, in this order.
     ground_angle : float
@@ -50,8 +52,16 @@ def slider_crank(
 ) -> LoopSystem:
     """Return l2 e^(i theta2) + l3 e^(i theta3) - s - i h = 0, in axes along the guide (notes on Shabana, 3.6).
 
-    Of theta2, theta3, s the one that is `driven` is the input, the others are the unknowns. theta2 and theta3 are
-    angles against the fixed x axis, the guide lies at `guide_angle`, `offset` h to the left of the crank pivot.
+    theta2 and theta3 are angles against the fixed x axis.
+
+    Parameters
+    ----------
+    crank, rod, offset : float
+        Lengths l2, l3, and h, by which the guide lies to the left of the crank pivot.
+    given, driven : Law or float, str
+        Which of theta2, theta3, s is the input, and its value; the other two are the unknowns, in this order.
+    guide_angle : float
+        Of the guide against the x axis [rad].
     """
     angles = _angles(("theta2", "theta3", "s"), given, driven)
     guide = Variable(guide_angle)
@@ -69,9 +79,16 @@ def inverted_slider_crank(
 ) -> LoopSystem:
     """Return l2 e^(i theta2) - l1 - (s + i h) e^(i theta3) = 0: a crank whose pin slides on a rod that turns.
 
-    Of theta2, theta3, s the one that is `driven` is the input, the others are the unknowns. The rod turns about a pivot
+    The rod turns about a pivot
     at distance `ground` from the crank's, its line passes the pivot at `offset` h to the left. Without offset this is
     the Coriolis example of the notes on Shabana, with s the place of the block on rod 3.
+
+    Parameters
+    ----------
+    ground, crank, offset : float
+        Lengths l1, l2, h.
+    given, driven : Law or float, str
+        As for `slider_crank`.
     """
     angles = _angles(("theta2", "theta3", "s"), given, driven)
     loop = (
@@ -88,6 +105,13 @@ def slotted(a1: float, a2: float, a4: float, a5: float, b1: float, c1: float, gi
 
     b1 - i c1 - a2 e^(i theta12) + a5 e^(i theta15) + s4 e^(i theta14) = 0
     b1 - i a1 - s6 + a5 e^(i theta15) + a4 e^(i theta14) = 0
+
+    Parameters
+    ----------
+    a1, a2, a4, a5, b1, c1 : float
+        Lengths.
+    given : Law or float
+        theta12 [rad].
     """
     theta14, theta15, s4, s6 = (Variable(unknown=name) for name in ("theta14", "theta15", "s4", "s6"))
     link5 = LoopVector(a5, angle=theta15)

@@ -77,7 +77,17 @@ class MarchResult:
 
 
 def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> MarchResult:
-    """Return the poses to which an engine leads each time from its last answer, as a user would do it."""
+    """Return the poses to which an engine leads each time from its last answer, as a user would do it.
+
+    Parameters
+    ----------
+    closing : Closing
+        The engine's own way to a pose.
+    start : (n,) array
+        The estimate.
+    times : sequence of float
+        [s]
+    """
     levels, residual = np.full((len(start), len(times)), np.nan), np.full(len(times), np.nan)
     status, q = [Status.NOT_CONVERGED] * len(times), start
     for k, t in enumerate(times):
@@ -101,6 +111,7 @@ def march(
 
     Parameters
     ----------
+    equations : Equations
     start : (n,) array, or callable
         Coordinates from which Newton finds the first pose, or what finds it at a time.
     times : sequence of float
@@ -151,7 +162,18 @@ def _same(guessed: Poses, pose: Poses) -> bool:
 
 
 def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> MarchResult:
-    """Return poses at all times with their rates up to an order."""
+    """Return poses at all times with their rates up to an order.
+
+    Parameters
+    ----------
+    equations : Equations
+    t : (T,) array
+        Times [s].
+    path : sequence of Poses
+        The poses at these times, in their order.
+    order : int
+        As for `march`.
+    """
     poses = Poses.joined(path)
     levels = [poses.q, poses.qd, np.full_like(poses.q, np.nan)][: order + 1]
     ok = poses.regular

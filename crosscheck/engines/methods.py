@@ -260,7 +260,20 @@ def one_by_one(
     configurations: int | None = None,
     note: str = "",
 ) -> Batch:
-    """Return the first mechanisms of a workload as one scene after the other, about so many configurations."""
+    """Return the first mechanisms of a workload as one scene after the other.
+
+    Parameters
+    ----------
+    build : callable
+        Scene -> its model.
+    workload : FourBars or SpatialLoops
+    order : int
+        Of the levels that are asked for: 0 to 2.
+    configurations : int, optional
+        About how many are asked for; by default `PART`, in space `PART_IN_SPACE`.
+    note : str
+        What is said of the batch.
+    """
     asked = configurations or (PART_IN_SPACE if isinstance(workload, SpatialLoops) else PART)
     part = workload.first(max(1, asked // len(workload.t)))
     models = [build(part.scene(sample)) for sample in range(part.mechanisms)]
@@ -305,7 +318,14 @@ def _listed(engine: str | Engine) -> list[Method]:
 
 
 def method(engine: str | Engine, name: str, setting: str = "") -> Method:
-    """Return one method of a producer; raises EngineError if there is none of that name and setting."""
+    """Return one method of a producer; raises EngineError if there is none of that name and setting.
+
+    Parameters
+    ----------
+    engine : str or Engine
+    name, setting : str
+        As `methods` lists them.
+    """
     for candidate in methods(engine):
         if (candidate.name, candidate.setting) == (name, setting):
             return candidate
@@ -360,7 +380,17 @@ def levels_of(motion: Motion) -> list[Array]:
 
 
 def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], producer: Producer) -> Motion:
-    """Return levels (n, T) of bodies, as many as there are, as a motion: ok wherever there are numbers."""
+    """Return levels of bodies as a motion: ok wherever there are numbers.
+
+    Parameters
+    ----------
+    times : (T,) array
+        [s]
+    bodies : tuple of str
+    levels : sequence of (n, T) array or None
+        Positions, and as many rates as there are [m, rad].
+    producer : Producer
+    """
     levels = [None if level is None else np.asarray(level, float) for level in levels]
     there = np.all([np.isfinite(level).all(axis=0) for level in levels if level is not None], axis=0)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)

@@ -90,10 +90,19 @@ class Poses:
 
 
 def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None) -> Poses:
-    """Return the poses to which full Newton converges from q (B, n) at t (B,).
+    """Return the poses to which full Newton converges.
 
-    Converged means that the residual is at round-off and the correction has stalled. With `near`, q are predictions
-    from there: then each correction must contract and the first not be large.
+    Converged means that the residual is at round-off and the correction has stalled.
+
+    Parameters
+    ----------
+    equations : Equations
+    q : (B, n) array
+        Where to begin.
+    t : (B,) array
+        Times [s].
+    near : (B, n) array, optional
+        Poses from which q are predictions: then each correction must contract and the first not be large.
     """
     own = getattr(equations, "closed", None)
     if own is not None:
@@ -146,6 +155,14 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
 
     A residual r is worth a correction of r / sigma. By Kantorovich's theorem one root is near and alone if
     K r / sigma^2 < 1/2; with K of order 2 (rows of coordinates of order one) a pose beyond that may be a singular one.
+
+    Parameters
+    ----------
+    equations : Equations
+    t : (B,) array
+        Times [s].
+    q, jacobian, residual : (B, n), (B, m, n), (B,) array
+        Poses, and at them phi_q and the largest residual; NaN where there is none.
     """
     count, m, n = jacobian.shape
     inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)

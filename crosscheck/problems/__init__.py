@@ -52,7 +52,16 @@ class Stated:
 
 
 def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driver], **more: Any) -> Stated:
-    """Return a mechanism of the bodies that its joints and drivers name, each without an estimate."""
+    """Return a mechanism of the bodies that its joints and drivers name, each without an estimate.
+
+    Parameters
+    ----------
+    title : str
+    joints : sequence of Constraint
+    drivers : Driver, or list of them
+    **more
+        Of `Stated`.
+    """
     held = tuple(drivers) if isinstance(drivers, list) else (drivers,)
     names = dict.fromkeys(body for c in (*joints, *held) for body in c.bodies if body not in (GROUND, ""))
     return Stated(title, Mechanism(tuple(Body(name=name) for name in names), tuple(joints), held), **more)
@@ -64,7 +73,13 @@ def polynomial(*coefficients: float) -> Polynomial:
 
 
 def within(random: Random, low: float, high: float) -> float:
-    """Return a number between two, of two decimals."""
+    """Return a number between two, of two decimals.
+
+    Parameters
+    ----------
+    random : Random
+    low, high : float
+    """
     return round(low + (high - low) * random.random(), 2)
 
 

@@ -102,7 +102,16 @@ def sample(at: At | None) -> dict[str, Any]:
 
 
 def worse(so_far: WorstSample | None, ratio: float | None, place: RecordLine, at: At | None) -> WorstSample | None:
-    """Return the larger of two ratios with its sample; NaN and None are no ratios."""
+    """Return the larger of two ratios with its sample; NaN and None are no ratios.
+
+    Parameters
+    ----------
+    so_far : WorstSample or None
+    ratio : float or None
+        The other one.
+    place, at : RecordLine, At or None
+        Where that was met.
+    """
     if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
         return so_far
     return WorstSample(ratio, place, at)

@@ -31,7 +31,18 @@ def main_class(rows: Sequence[Row]) -> str | None:
 
 
 def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[str, Offer]:
-    """Return, per engine, its best offer of at least `goal` digits over one cycle, the cheapest first."""
+    """Return, per engine, its best offer with enough digits over one cycle, the cheapest first.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of a price list.
+    quantity : str
+    goal : float
+        Digits that an offer has at least.
+    scene_class : str or None
+        Which rows count.
+    """
     best: dict[str, Offer] = {}
     for offer in offers([row for row in rows if row["scene_class"] == scene_class], "cycle", quantity, goal):
         best.setdefault(offer.engine, offer)

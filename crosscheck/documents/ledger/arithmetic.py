@@ -167,7 +167,13 @@ Arithmetic = Binary64 | ArbNumbers
 
 
 def never(residual: Any, correction: Any, q: Any) -> bool:
-    """Go on to the cap: the stopping test of a for loop."""
+    """Go on to the cap: the stopping test of a for loop.
+
+    Parameters
+    ----------
+    residual, correction, q
+        What `newton` asks a stopping test with.
+    """
     return False
 
 
@@ -195,7 +201,14 @@ def ball(low: float, high: float) -> Any:
 
 
 def excludes_zero(f: Callable[[Any], Any], low: float, high: float) -> bool:
-    """Return whether f has no zero between low and high: proved, by halving until each piece excludes it."""
+    """Return whether f has no zero between low and high: proved, by halving until each piece excludes it.
+
+    Parameters
+    ----------
+    f : callable
+        A function of a ball, which returns one.
+    low, high : float
+    """
     pieces = [(low, high)]
     while pieces:
         a, b = pieces.pop()
@@ -213,6 +226,12 @@ def count_roots(system: SquareSystem, low: float, high: float) -> int:
 
     Halves the interval until on each piece either f excludes zero, or f' does, so that the signs at its ends tell.
     Undecided if a root lies where the interval is cut, or where f' vanishes too.
+
+    Parameters
+    ----------
+    system : SquareSystem
+        The function and its derivative.
+    low, high : float
     """
     pieces, count = [(low, high)], 0
     while pieces:

@@ -22,7 +22,16 @@ from refkin.system import System, compile_system
 
 
 def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
-    """Return some of the row's numbers."""
+    """Return some of the row's numbers.
+
+    Parameters
+    ----------
+    n : Arithmetic
+    given : mapping
+        The row's numbers, as text.
+    *keys : str
+        Which of them.
+    """
     return [n(given[key]) for key in keys]
 
 

@@ -15,7 +15,16 @@ from refkin.scenes.linkages import FourBar
 
 
 def four_bar(n: Arithmetic, given: Given, driven: Any = None) -> SquareSystem:
-    """Return the loop with theta2 held at `driven`, the row's theta2 by default."""
+    """Return the loop with theta2 held.
+
+    Parameters
+    ----------
+    n : Arithmetic
+    given : mapping
+        The row's numbers, as text.
+    driven : number, optional
+        theta2 [rad]; by default the row's.
+    """
     degree = n.pi / 180
     l1, l2, l3, l4 = (n(x) for x in given["l"])
     return shabana.four_bar(l1, l2, l3, l4, n(given["theta2"]) * degree if driven is None else driven)
@@ -58,7 +67,17 @@ def d10(n: Arithmetic, given: Given) -> Values:
 
 
 def rates(n: Arithmetic, given: Given, system: SquareSystem, q: Any) -> tuple[Any, Any, Any]:
-    """Return qd, Q_d, qdd at q for the row's constant speed."""
+    """Return qd, Q_d, qdd at q for the row's constant speed.
+
+    Parameters
+    ----------
+    n : Arithmetic
+    given : mapping
+        The row's numbers, as text.
+    system : SquareSystem
+    q : (3,) vector
+        The pose [rad].
+    """
     slope = system.phi_q(q)
     l2, l3, l4 = (n(x) for x in given["l"][1:])
     qd = n.solve(slope, [n("0"), n("0"), n(given["omega"])])

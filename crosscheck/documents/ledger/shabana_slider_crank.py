@@ -22,7 +22,7 @@ from refkin.solving.solve import solve
 from refkin.system import compile_system
 
 
-def mechanism(l2: float, l3: float, law: Polynomial | Sinusoid, slider_driven: bool = False) -> Mechanism:
+def _mechanism(l2: float, l3: float, law: Polynomial | Sinusoid, slider_driven: bool = False) -> Mechanism:
     """Return the slider-crank of four bodies, link 1 fixed to the ground; theta2 or R4x follows the law."""
     joints = (
         Fixed(name="1-3", body_i=GROUND, point_i=(0.0, 0.0), body_j="1", point_j=(0.0, 0.0)),
@@ -60,7 +60,16 @@ def d15(n: Arithmetic, given: Given) -> Values:
 
 
 def theta3_at(n: Arithmetic, l2: Any, l3: Any, theta2: Any) -> Any:
-    """Return theta3 on the branch where the rod points along the guide."""
+    """Return theta3 on the branch where the rod points along the guide.
+
+    Parameters
+    ----------
+    n : Arithmetic
+    l2, l3 : number
+        Lengths of crank and rod.
+    theta2 : number
+        Angle of the crank [rad].
+    """
     return n.arcsin(-l2 * np.sin(theta2) / l3)
 
 
@@ -69,7 +78,7 @@ def refkin_d15(n: Binary64, given: Given) -> Values:
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     values: Values = {}
     for name, theta2 in (("0", 0.0), ("1", 1.0), ("pi", math.pi)):
-        system = compile_system(mechanism(l2, l3, Polynomial(coefficients=(theta2, omega))))
+        system = compile_system(_mechanism(l2, l3, Polynomial(coefficients=(theta2, omega))))
         q = pose(l2, l3, theta2, theta3_at(n, l2, l3, theta2)).astype(float)
         qd = velocity(system, q, 0.0)
         qdd = acceleration(system, q, qd, 0.0)
@@ -104,7 +113,7 @@ def refkin_d16(n: Binary64, given: Given) -> Values:
     """The same start with four bodies."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     law = Sinusoid(offset=n(given["offset"]), amplitude=-n(given["share"]) * l2, angular_frequency=omega)
-    system = compile_system(mechanism(l2, l3, law, slider_driven=True))
+    system = compile_system(_mechanism(l2, l3, law, slider_driven=True))
     linkage = SliderCrank(crank=l2, rod=l3)
     start = linkage.assemble(float(law(0.0)), driven="slider")
     theta2 = start["crank"][2]
@@ -145,7 +154,7 @@ def refkin_d17(n: Binary64, given: Given) -> Values:
     l2, l3 = numbers(n, given, "l2", "l3")
     q = pose(l2, l3, 0.0, 0.0).astype(float)
     slopes = [
-        compile_system(mechanism(l2, l3, Polynomial(coefficients=(value,)), slider_driven=slider)).phi_q(q, 0.0)
+        compile_system(_mechanism(l2, l3, Polynomial(coefficients=(value,)), slider_driven=slider)).phi_q(q, 0.0)
         for value, slider in ((l2 + l3, True), (0.0, False))
     ]
     return {

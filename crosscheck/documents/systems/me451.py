@@ -56,9 +56,14 @@ def exponential_and_logarithm(right: Number = 0) -> SquareSystem:
 
 
 def problem_356(reach: Number, ground: Number, link: Number) -> SquareSystem:
-    """Return Problem 3.5.6 in the reduced coordinates q = (x2, y2, phi3); `reach` is t/10 + 0.4 there.
+    """Return Problem 3.5.6 in the reduced coordinates q = (x2, y2, phi3).
 
     x2 - ground + link sin(phi3) = 0, y2 - link cos(phi3) = 0, x2^2 + y2^2 - reach^2 = 0
+
+    Parameters
+    ----------
+    reach, ground, link : number
+        Lengths; `reach` is t/10 + 0.4 there.
     """
 
     def phi(q: Any) -> Any:
@@ -78,7 +83,16 @@ def problem_356_nu(reach: Number, speed: Number) -> Any:
 
 
 def problem_356_gamma(link: Number, q: Any, qd: Any, speed: Number) -> Any:
-    """Return gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt of Problem 3.5.6 at a constant `speed`."""
+    """Return gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt of Problem 3.5.6 at a constant speed.
+
+    Parameters
+    ----------
+    link : number
+    q, qd : (3,) array
+        Pose and velocity.
+    speed : number
+        The rate of the reach.
+    """
     turning = link * qd[2] * qd[2]
     last = 2 * speed * speed - 2 * (qd[0] * qd[0] + qd[1] * qd[1])
     return np.array([turning * np.sin(q[2]), -turning * np.cos(q[2]), last])

@@ -27,7 +27,15 @@ class Slotted(NamedTuple):
 def slotted_that_closes(
     a2: Number, a4: Number, a5: Number, theta12: Number, theta14: Number, theta15: Number, s4: Number
 ) -> tuple[Slotted, Any]:
-    """Return the lengths with which the loops close at these values of the unknowns, and q with the s6 that follows."""
+    """Return the lengths with which the loops close at these values of the unknowns, and q with the s6 that follows.
+
+    Parameters
+    ----------
+    a2, a4, a5 : number
+        Lengths that are given.
+    theta12, theta14, theta15, s4 : number
+        The input, and the unknowns [rad, the unit of the lengths].
+    """
     b1 = a2 * np.cos(theta12) - a5 * np.cos(theta15) - s4 * np.cos(theta14)
     c1 = -a2 * np.sin(theta12) + a5 * np.sin(theta15) + s4 * np.sin(theta14)
     m = Slotted(a5 * np.sin(theta15) + a4 * np.sin(theta14), a2, a4, a5, b1, c1, theta12)

@@ -17,9 +17,16 @@ from crosscheck.documents.systems import Number, SquareSystem
 
 
 def four_bar(l1: Number, l2: Number, l3: Number, l4: Number, driven: Number) -> SquareSystem:
-    """Return the loop of section 3.11 in q = (theta2, theta3, theta4), with `driven` = omega t + theta_0.
+    """Return the loop of section 3.11 in q = (theta2, theta3, theta4).
 
     l2 cos theta2 + l3 cos theta3 + l4 cos theta4 - l1 = 0, the same with sines and without l1, theta2 - driven = 0
+
+    Parameters
+    ----------
+    l1, l2, l3, l4 : number
+        Lengths; l1 is the ground's.
+    driven : number
+        omega t + theta_0 [rad].
     """
 
     def phi(q: Any) -> Any:
@@ -34,7 +41,15 @@ def four_bar(l1: Number, l2: Number, l3: Number, l4: Number, driven: Number) -> 
 
 
 def four_bar_right_side(l2: Number, l3: Number, l4: Number, q: Any, qd: Any) -> Any:
-    """Return Q_d of the four-bar at constant speed of the crank: C_q qdd = Q_d."""
+    """Return Q_d of the four-bar at constant speed of the crank: C_q qdd = Q_d.
+
+    Parameters
+    ----------
+    l2, l3, l4 : number
+        Lengths.
+    q, qd : (3,) array
+        Pose [rad] and velocity.
+    """
     c, s = np.cos(q), np.sin(q)
     square = qd * qd
     return np.array(
@@ -50,6 +65,13 @@ def slider_crank(l2: Number, l3: Number, h: Number, theta2: Number) -> SquareSys
     """Return the offset slider-crank of section 3.6 in q = (theta3, x).
 
     l2 cos theta2 + l3 cos theta3 - x = 0, l2 sin theta2 + l3 sin theta3 - h = 0
+
+    Parameters
+    ----------
+    l2, l3, h : number
+        Lengths of crank and rod, and the offset.
+    theta2 : number
+        Angle of the crank [rad].
     """
 
     def phi(q: Any) -> Any:
@@ -62,13 +84,31 @@ def slider_crank(l2: Number, l3: Number, h: Number, theta2: Number) -> SquareSys
 
 
 def slider_crank_position(l2: Number, l3: Number, h: Number, theta2: Number, sign: int) -> tuple[Number, Number]:
-    """Return sin theta3 and x = l2 cos theta2 + sign sqrt(l3^2 - (h - l2 sin theta2)^2); sign is that of cos theta3."""
+    """Return sin theta3 and x = l2 cos theta2 + sign sqrt(l3^2 - (h - l2 sin theta2)^2).
+
+    Parameters
+    ----------
+    l2, l3, h, theta2
+        As for `slider_crank`.
+    sign : int
+        That of cos theta3.
+    """
     rise = h - l2 * np.sin(theta2)
     return rise / l3, l2 * np.cos(theta2) + sign * np.sqrt(l3 * l3 - rise * rise)
 
 
 def slider_crank_velocity(l2: Number, l3: Number, theta2: Number, theta3: Number, rate: Number) -> Any:
-    """Return (theta3', x') for a crank that turns at `rate`."""
+    """Return (theta3', x') of a slider-crank.
+
+    Parameters
+    ----------
+    l2, l3 : number
+        Lengths of crank and rod.
+    theta2, theta3 : number
+        Their angles [rad].
+    rate : number
+        theta2' [rad/s].
+    """
     factor = rate * l2 / (l3 * np.cos(theta3))
     return np.array([-factor * np.cos(theta2), factor * l3 * np.sin(theta3 - theta2)])
 
@@ -76,7 +116,17 @@ def slider_crank_velocity(l2: Number, l3: Number, theta2: Number, theta3: Number
 def slider_crank_acceleration(
     l2: Number, l3: Number, theta2: Number, theta3: Number, rates: tuple[Number, Number], theta2dd: Number
 ) -> Any:
-    """Return (theta3'', x'') from the rates (theta2', theta3') and theta2''."""
+    """Return (theta3'', x'') of a slider-crank.
+
+    Parameters
+    ----------
+    l2, l3, theta2, theta3
+        As for `slider_crank_velocity`.
+    rates : (theta2', theta3')
+        [rad/s]
+    theta2dd : number
+        theta2'' [rad/s^2].
+    """
     w2, w3 = rates
     c1 = -l2 * w2 * w2 * np.cos(theta2) - l2 * theta2dd * np.sin(theta2) - l3 * w3 * w3 * np.cos(theta3)
     c2 = -l2 * w2 * w2 * np.sin(theta2) + l2 * theta2dd * np.cos(theta2) - l3 * w3 * w3 * np.sin(theta3)
@@ -85,7 +135,15 @@ def slider_crank_acceleration(
 
 
 def coriolis_example(l1: Number, l2: Number, theta2: Number) -> SquareSystem:
-    """Return the block on rod 3 in q = (theta3, x): l2 e^(i theta2) - l1 - x e^(i theta3) = 0 (section 3.6)."""
+    """Return the block on rod 3 in q = (theta3, x): l2 e^(i theta2) - l1 - x e^(i theta3) = 0 (section 3.6).
+
+    Parameters
+    ----------
+    l1, l2 : number
+        Distance of the pivots, and length of the crank.
+    theta2 : number
+        Angle of the crank [rad].
+    """
 
     def phi(q: Any) -> Any:
         return np.array([l2 * np.cos(theta2) - l1 - q[1] * np.cos(q[0]), l2 * np.sin(theta2) - q[1] * np.sin(q[0])])
@@ -97,12 +155,30 @@ def coriolis_example(l1: Number, l2: Number, theta2: Number) -> SquareSystem:
 
 
 def coriolis_velocity(l2: Number, theta2: Number, q: Any, rate: Number) -> Any:
-    """Return (theta3', x') = theta2' (l2 cos(theta3 - theta2) / x, l2 sin(theta3 - theta2))."""
+    """Return (theta3', x') = theta2' (l2 cos(theta3 - theta2) / x, l2 sin(theta3 - theta2)).
+
+    Parameters
+    ----------
+    l2, theta2
+        As for `coriolis_example`.
+    q : (theta3, x)
+    rate : number
+        theta2' [rad/s].
+    """
     return rate * np.array([l2 * np.cos(q[0] - theta2) / q[1], l2 * np.sin(q[0] - theta2)])
 
 
 def coriolis_right_side(l2: Number, theta2: Number, q: Any, qd: Any, rate: Number, theta2dd: Number) -> tuple[Any, Any]:
-    """Return matrix and right side of the linear system for (theta3'', x'')."""
+    """Return matrix and right side of the linear system for (theta3'', x'').
+
+    Parameters
+    ----------
+    l2, theta2, q, rate
+        As for `coriolis_velocity`.
+    qd : (theta3', x')
+    theta2dd : number
+        theta2'' [rad/s^2].
+    """
     (theta3, x), (w3, v) = q, qd
     matrix = np.array([[-x * np.sin(theta3), np.cos(theta3)], [x * np.cos(theta3), np.sin(theta3)]])
     along, across = w3 * w3 * x, 2 * w3 * v
@@ -118,7 +194,15 @@ def coriolis_right_side(l2: Number, theta2: Number, q: Any, qd: Any, rate: Numbe
 
 
 def two_link_rates(l2: Number, l3: Number, theta2: Number, theta3: Number, w2: Number, w3: Number) -> tuple[Any, Any]:
-    """Return (R2x, R2y, R3x, R3y)' and '' of the driven two-link arm at constant speeds (section 3.10)."""
+    """Return (R2x, R2y, R3x, R3y)' and '' of the driven two-link arm at constant speeds (section 3.10).
+
+    Parameters
+    ----------
+    l2, l3 : number
+        Lengths.
+    theta2, theta3, w2, w3 : number
+        Their angles [rad], and the rates of these [rad/s].
+    """
     half = l2 / 2, l3 / 2
     c2, s2, c3, s3 = np.cos(theta2), np.sin(theta2), np.cos(theta3), np.sin(theta3)
     velocity = [
@@ -142,7 +226,17 @@ CRANK_DRIVEN, SLIDER_DRIVEN = 5, 9
 
 
 def twelve_coordinates(l2: Number, l3: Number, driven: Number, coordinate: int = CRANK_DRIVEN) -> SquareSystem:
-    """Return C(q, t) of section 3.12; `driven` is theta2_0 + g(t), or f(t) where the slider is driven."""
+    """Return C(q, t) of section 3.12.
+
+    Parameters
+    ----------
+    l2, l3 : number
+        Lengths of crank and rod.
+    driven : number
+        theta2_0 + g(t), or f(t) where the slider is driven.
+    coordinate : int
+        Which one the last row holds: `CRANK_DRIVEN` or `SLIDER_DRIVEN`.
+    """
 
     def phi(q: Any) -> Any:
         arms = _arms(l2, l3, q)
@@ -173,13 +267,31 @@ def twelve_coordinates(l2: Number, l3: Number, driven: Number, coordinate: int =
 
 
 def right_side(l2: Number, l3: Number, q: Any, qd: Any, second: Number = 0) -> Any:
-    """Return Q_d; `second` is the second derivative of what the last row is driven by."""
+    """Return Q_d of the twelve coordinates.
+
+    Parameters
+    ----------
+    l2, l3 : number
+        Lengths of crank and rod.
+    q, qd : (12,) array
+        Pose and velocity.
+    second : number
+        The second derivative of what the last row is driven by.
+    """
     crank, rod = (arm * (rate * rate) for arm, rate in zip(_arms(l2, l3, q), (qd[5], qd[8]), strict=True))
     return np.concatenate([[0, 0, 0], -crank, crank + rod, rod, [0, 0, second]])
 
 
 def pose(l2: Number, l3: Number, theta2: Number, theta3: Number) -> Any:
-    """Return q for the angles of crank and rod, the block wherever the rod ends."""
+    """Return q for the angles of crank and rod, the block wherever the rod ends.
+
+    Parameters
+    ----------
+    l2, l3 : number
+        Lengths of crank and rod.
+    theta2, theta3 : number
+        Their angles [rad].
+    """
     crank = np.array([np.cos(theta2), np.sin(theta2)]) * l2
     rod = np.array([np.cos(theta3), np.sin(theta3)]) * l3
     return np.concatenate([[0, 0, 0], crank / 2, [theta2], crank + rod / 2, [theta3], crank + rod, [0]])

@@ -253,6 +253,15 @@ def count_turns(t: np.ndarray, value: np.ndarray, rate: np.ndarray, start: float
     From one time to the next the mean of its two rates carries the angle. An interval is unsure if the angle found
     is more than an eighth of a turn off that, or if either rate would turn it by more than half a turn. Times without
     an angle are passed over: behind them the nearest turns are taken, as no motion leads there.
+
+    Parameters
+    ----------
+    t : (T,) array
+        Times [s].
+    value, rate : (T,) array
+        The angle [rad] but for whole turns, and its rate [rad/s]; NaN where there is none.
+    start : float or None
+        Near which the first angle is [rad]; None leaves it without turns.
     """
     turns, unsure = np.zeros(len(t)), np.zeros(max(len(t) - 1, 0), bool)
     (finite,) = np.nonzero(np.isfinite(value))

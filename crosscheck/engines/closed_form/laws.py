@@ -17,6 +17,13 @@ from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 def law_jet(law: Law, times: tuple[float, ...], arithmetic: Arithmetic) -> Jet:
     """Return f, f', f'' at the times, as a jet of rows (T,).
 
+    Parameters
+    ----------
+    law : Law
+    times : tuple of float
+        [s]
+    arithmetic : Arithmetic
+
     Raises
     ------
     TypeError

@@ -76,7 +76,14 @@ class Intersection:
 
 
 def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Intersection:
-    """Return where two loci meet, lines before circles."""
+    """Return where two loci meet, lines before circles.
+
+    Parameters
+    ----------
+    one, two : Locus
+        Not a circle and a line in this order.
+    arithmetic : Arithmetic
+    """
     if isinstance(one, LineLocus):
         return _lines(one, two, arithmetic) if isinstance(two, LineLocus) else line_and_circle(one, two, arithmetic)
     assert isinstance(two, CircleLocus), "a line comes before a circle"
@@ -96,6 +103,11 @@ def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic
     """Solve n . p = k, |p - c| = r: p = c + d n + s h n.perp() with d = k - n . c and h^2 = (r - d)(r + d).
 
     n x (p - c) = s h.
+
+    Parameters
+    ----------
+    line, circle : LineLocus, CircleLocus
+    arithmetic : Arithmetic
     """
     d = line.level - line.normal.dot(circle.centre)
     slack = circle.radius - _magnitude(d)

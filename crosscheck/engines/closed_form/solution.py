@@ -38,7 +38,14 @@ class Solution:
 
 
 def assembled(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] | None = None) -> Assembly:
-    """Return a scene's groups joined; `turns_of(k)` gives the k-th angle found, with its turns, if these are known.
+    """Return a scene's groups joined.
+
+    Parameters
+    ----------
+    scene : Scene
+    arithmetic : Arithmetic
+    turns_of : callable, optional
+        k -> the k-th angle found, with its turns, if these are known.
 
     Raises
     ------

@@ -28,6 +28,13 @@ Array = Any
 def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
     """Return the motion of a scene of space.
 
+    Parameters
+    ----------
+    scene : Scene
+    producer : Producer
+    bits : int
+        Of the balls that prove that there is no assembly.
+
     Raises
     ------
     EngineError

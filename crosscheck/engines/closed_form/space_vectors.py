@@ -140,7 +140,15 @@ def basis(axis: Vector, across: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def composed(at: Vector, axes: Sequence[Vector], u: Vector, own: Sequence[Vector]) -> Frame:
-    """Return the body whose point u is at a place, its own three unit vectors along three of the ground."""
+    """Return the frame of a body, of which a point and three unit vectors are given in the ground, too.
+
+    Parameters
+    ----------
+    at, u : Vector
+        A place in the ground, and the body's point that is there.
+    axes, own : sequence of three Vector
+        Unit vectors of the ground, and of the body along them.
+    """
 
     def turned(local: Vector) -> Vector:
         parts = [axis.scaled(mine.dot(local)) for axis, mine in zip(axes, own, strict=True)]

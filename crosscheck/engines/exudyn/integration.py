@@ -111,6 +111,11 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
     """Return a motion of the method `static` of all bodies with the accelerations that exudyn computes for itself.
 
     Its bodies have a mass of 1 and an inertia of 1 in the unit.
+
+    Parameters
+    ----------
+    scene, motion : Scene, Motion
+    unit : Unit
     """
     assert motion.qd is not None
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, mass=1.0)

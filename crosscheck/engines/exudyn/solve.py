@@ -311,15 +311,19 @@ def start_of(scene: Scene, unit: Unit) -> Array:
 def stopping_rule(residual: Array, values: Array, lengths: Sequence[Array], factor: float, unit: str) -> Term:
     """Return what SolveStatic leaves of the residual, all rows together, in the scaled one: the row |d| - f times f.
 
-    It stops at the larger of an absolute norm and a part of that which it started with: at the estimate, of which the
-    residual is given, later at the last pose, where only rows of drivers, values (laws, T), are not zero.
+    It stops at the larger of an absolute norm and a part of that which it started with: at the estimate,
+    later at the last pose, where only rows of drivers are not zero.
 
     Parameters
     ----------
+    residual : array
+        At the estimate.
+    values : (laws, T) array
+        Of the drivers' laws.
     lengths : sequence of (T,) array
         The distances of drivers, in sizes.
-    factor : float
-        By which exudyn's residual, in its `unit`, becomes the scaled one.
+    factor, unit : float, str
+        By which exudyn's residual, in this unit, becomes the scaled one.
     """
     newton = quiet_settings().staticSolver.newton
     norms = [np.linalg.norm(residual), *(np.linalg.norm(np.diff(values), axis=0) if len(values) else ())]
@@ -363,9 +367,19 @@ def _polynomial(t: Any, before: Sequence[Any]) -> list[Any]:
 
 
 def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Array]:
-    """Return velocities and, up to the order, accelerations (B, n) of poses q (B, n) at times, NaN where singular.
+    """Return the rates (B, n) of poses up to an order, NaN where singular.
 
     exudyn has no such analysis: the rows are its own, the linear systems are solved here.
+
+    Parameters
+    ----------
+    model : ExudynModel
+    q : (B, n) array
+        Poses.
+    times : (B,) array
+        Theirs [s].
+    order : int
+        0 for none, 1 for velocities, 2 for accelerations too.
     """
     if not order or not len(q):
         return [q] * order

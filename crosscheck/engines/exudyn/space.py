@@ -317,7 +317,16 @@ class ExudynSpace(ExudynSystem):
 
 
 def law_value(drive: Drive, t: Any, order: int) -> Any:
-    """Return a driver's law in the numbers' unit, or a derivative of it, at a time or at times (B,)."""
+    """Return a driver's law in the numbers' unit, or a derivative of it.
+
+    Parameters
+    ----------
+    drive : Drive
+    t : float or (B,) array
+        Times [s].
+    order : int
+        Of the derivative; 0 for the law itself.
+    """
     return (drive.law(t, order) + 0.0 * t) / drive.size
 
 

@@ -248,7 +248,19 @@ def compiled(spec: Any) -> Any:
 
 
 def add_equality(spec: Any, kind: Any, between: Any, *names: str, **more: Any) -> Any:
-    """Add an equality between two things of a kind, or of one alone."""
+    """Add an equality between two things of a kind, or of one alone.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    kind : mujoco.mjtEq
+    between : mujoco.mjtObj
+        What kind of things it is between.
+    *names : str
+        Of one thing, or of two.
+    **more
+        Further attributes of the equality.
+    """
     added = spec.add_equality(name=f"e{len(spec.equalities)}", type=kind, objtype=between, **more)
     added.name1, added.name2 = (*names, "")[:2]
     return added

@@ -202,13 +202,31 @@ def _dense_chain(workload: Workload, order: int) -> Batch:
 
 
 def refuse_longer(work: LoopChain, longest: int, reason: str) -> None:
-    """Raise EngineError if a chain has more loops than a method is asked for."""
+    """Raise EngineError if a chain has more loops than a method is asked for.
+
+    Parameters
+    ----------
+    work : LoopChain
+    longest : int
+        How many loops are asked for at most.
+    reason : str
+        Why not more.
+    """
     if work.windows > longest:
         raise EngineError(f"not for more than {longest} loops: {reason}")
 
 
 def iterated(work: LoopChain, system: System, step: Callable[[Any], Any]) -> Batch:
-    """Return a chain's Newton iteration as a function of scaled coordinates; a few are made to see where they lead."""
+    """Return a chain's Newton iteration as a function of scaled coordinates; a few are made to see where they lead.
+
+    Parameters
+    ----------
+    work : LoopChain
+    system : System
+        Its equations.
+    step : callable
+        q (n,) -> the next iterate, both scaled.
+    """
     start = system.to_unit(work.start)
 
     def answered() -> Any:

@@ -71,7 +71,7 @@ def _scaled(unit: Unit, body: str, point: Pair) -> Pair:
     return (point[0] - x) / unit.size, (point[1] - y) / unit.size
 
 
-def with_rates(
+def _with_rates(
     motion: Motion, pins: Pins, route: Route, jacobian: Callable[[Array], Array], drift: Callable[[Array, Array], Array]
 ) -> Motion:
     """Return a motion with velocity and acceleration from a feature's rows of the pins.
@@ -121,10 +121,19 @@ FEATURES = (COMPOSITE, ANCHOR)
 
 
 def with_feature(scene: Scene, motion: Motion, route: Route) -> Motion:
-    """Return a motion of the method `joint tree` with its rates by a feature; raises EngineRefusal as `pins_of`."""
+    """Return a motion with its rates by a feature; raises EngineRefusal as `pins_of`.
+
+    Parameters
+    ----------
+    scene : Scene
+    motion : Motion
+        By the method `joint tree`: its positions are used.
+    route : Route
+        Which feature.
+    """
     pins = pins_of(scene, route)
     rows: Any = _Composite(pins) if route == COMPOSITE else _Anchors(pins)
-    return with_rates(motion, pins, route, rows.jacobian, rows.drift)
+    return _with_rates(motion, pins, route, rows.jacobian, rows.drift)
 
 
 class _Composite:
@@ -224,7 +233,17 @@ class ForwardDynamics:
 
 
 def with_mass(planar: PlanarModel, mass: float, lever: tuple[float, float]) -> None:
-    """Give every joint's body a mass and as much inertia, at a lever from the joint."""
+    """Give every joint's body a mass and as much inertia, at a lever from the joint.
+
+    Parameters
+    ----------
+    planar : PlanarModel
+        It is changed.
+    mass : float
+        Of each; as much is its inertia, in the model's units.
+    lever : (x, y)
+        From the joint to the centre of mass.
+    """
     for joint in range(1, planar.model.njoints):
         planar.model.inertias[joint] = pin.Inertia(mass, np.array([*lever, 0.0]), mass * np.eye(3))
 

@@ -36,8 +36,10 @@ def space_motion(
 
     Parameters
     ----------
+    scene : Scene
     build : callable
         What makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
+    producer : Producer
     own : callable, optional
         What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
 
@@ -123,7 +125,19 @@ def coordinates(r: Array, p: Array, w: Array) -> list[Array]:
 def reported(
     scene: Scene, numbers: Numbers, levels: list[Array], status: Any, producer: Producer, **more: Any
 ) -> Motion:
-    """Return what a scene wants of the coordinates of all bodies, in metres."""
+    """Return what a scene wants of the motion of all bodies, in metres.
+
+    Parameters
+    ----------
+    scene, numbers : Scene, Numbers
+    levels : list of (7 b, T) array
+        Positions, and as many rates as there are, in the numbers' unit.
+    status : sequence of Status
+        One per time.
+    producer : Producer
+    **more
+        Of `engine_motion`.
+    """
     wanted = [7 * numbers.bodies.index(body) + k for body in scene.wanted for k in range(7)]
     known = [numbers.levels(level, order) for order, level in enumerate(levels)]
     called = [True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects]

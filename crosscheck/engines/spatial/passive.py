@@ -27,6 +27,7 @@ def spins(bodies: Sequence[str], holds: Sequence[Any], drives: Sequence[Any]) ->
 
     Parameters
     ----------
+    bodies : sequence of str
     holds, drives : sequence of Hold, of Drive
         As `Numbers` has them.
     """

@@ -214,7 +214,18 @@ def in_space(mechanism: Mechanism) -> bool:
 
 
 def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], effect: str | None) -> None:
-    """Raise EngineRefusal for a route, or physical effects, that an engine's adapter has in the plane alone."""
+    """Raise EngineRefusal for a route, or physical effects, that an engine's adapter has in the plane alone.
+
+    Parameters
+    ----------
+    engine : Engine
+    route : Route or None
+        What is asked for.
+    routes : sequence of Route
+        What the adapter has in space.
+    effect : str or None
+        The physical effect that is asked for.
+    """
     if route is not None and route not in routes:
         raise EngineRefusal(f"{engine.name} refuses method {route.name!r} in space: it is written for the plane")
     if effect is not None:

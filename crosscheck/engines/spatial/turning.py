@@ -80,7 +80,15 @@ def rates(p: Rows, w: Rows) -> Array:
 
 
 def bends(p: Rows, w: Rows, alpha: Rows) -> Array:
-    """Return p'' (..., 4) from angular velocity and acceleration (..., 3)."""
+    """Return p'' (..., 4) of a body that turns.
+
+    Parameters
+    ----------
+    p : (..., 4) array
+        Euler parameters.
+    w, alpha : (..., 3) array
+        Angular velocity and acceleration, in the ground frame.
+    """
     return 0.5 * product(_pure(alpha), p) - 0.25 * np.sum(np.square(w), axis=-1, keepdims=True) * np.asarray(p)
 
 

@@ -88,6 +88,8 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
 
     Parameters
     ----------
+    engine : str
+        Its name.
     tree_of, space : callable
         Scene of the plane -> its tree; what makes the engine's model of a tree of space (`SpaceEngine`).
     """

@@ -242,6 +242,7 @@ def tree_motion(
 
     Parameters
     ----------
+    engine, scene, producer : TreeEngine, Scene, Producer
     accelerations : callable, optional
         What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
     departing : callable, optional
@@ -263,7 +264,15 @@ def tree_motion(
 
 
 def marched_motion(engine: TreeEngine, scene: Scene, poses: MarchResult, producer: Producer) -> Motion:
-    """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
+    """Return what a scene wants of a march, at the levels that it has.
+
+    Parameters
+    ----------
+    engine, scene : TreeEngine, Scene
+    poses : MarchResult
+        Coordinates of the tree, found in whatever way.
+    producer : Producer
+    """
     places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
@@ -281,6 +290,12 @@ def body_levels(engine: TreeEngine, march: MarchResult, bodies: Sequence[str]) -
     """Return per level (x [m], y [m], phi [rad]) of the bodies in the ground frame, or its derivative, (3 n, T).
 
     phi is the sum of the joint angles, with its turns; x and y are the engine's own.
+
+    Parameters
+    ----------
+    engine, march : TreeEngine, MarchResult
+    bodies : sequence of str
+        In the order that is wanted.
     """
     origins = _point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
     levels = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]

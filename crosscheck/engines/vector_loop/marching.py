@@ -44,9 +44,19 @@ class Closed:
 
 
 def close(system: LoopSystem, q0: Any, t: float = 0.0, *, complex_form: bool = False, **options: Any) -> NewtonResult:
-    """Solve the loops at a time by Newton's method, to round-off by default; options are those of `newton`.
+    """Solve the loops at a time by Newton's method, to round-off by default.
 
-    In complex form the iterates are complex numbers, whose imaginary parts are round-off.
+    Parameters
+    ----------
+    system : LoopSystem
+    q0 : (n,) array
+        The estimate.
+    t : float
+        When [s].
+    complex_form : bool
+        Whether the iterates are complex numbers, whose imaginary parts are round-off.
+    **options
+        Of `newton`.
     """
     q0 = np.asarray(q0, complex if complex_form else float)
     stop = Closed(np.max(system.rounding(q0.real, t)))
@@ -117,6 +127,14 @@ def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimu
 
     The answer is a root only if every closure error is at round-off there; any other minimum is called stalled. (Moré,
     The Levenberg-Marquardt algorithm, 1978, as MINPACK has it.)
+
+    Parameters
+    ----------
+    system : LoopSystem
+    q0 : (n,) array
+        The estimate.
+    max_evaluations : int
+        Of the closure errors.
     """
     from scipy.optimize import least_squares  # here, because importing it costs more than the rest of this package
 
@@ -200,10 +218,18 @@ Distance = Callable[[Any], float]
 
 
 def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distance | None = None) -> LoopMarch:
-    """Close the loops at each time: at the first from the estimate q0, then from pose to pose, as far as they close.
+    """Close the loops at each time: at the first from the estimate, then from pose to pose, as far as they close.
 
-    `distance` says which of several assemblies is meant, where the estimate is far from all: by default the one whose
-    unknowns are nearest to q0.
+    Parameters
+    ----------
+    system : LoopSystem
+    times : sequence of float
+        [s]
+    q0 : (n,) array
+        The estimate of the first pose.
+    distance : callable, optional
+        Which of several assemblies is meant, where the estimate is far from all: by default the one whose unknowns are
+        nearest to q0.
     """
     equations, q0 = LoopEquations(system), np.asarray(q0, float)
 
