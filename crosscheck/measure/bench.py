@@ -36,8 +36,11 @@ def measured(
 
     Parameters
     ----------
+    work : Workload
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
+    rounds : int
+        How often each method is timed, in turns.
     listed : sequence of Method, optional
         The methods, if they are not all of the producers'.
     """
@@ -78,7 +81,13 @@ def _absent(work: Workload, key: tuple[str, str, str], error: EngineError) -> di
 
 
 def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[str, Any]:
-    """Return a row of the JSON; an infinite error is null, and its row is not ranked."""
+    """Return a row of the JSON; an infinite error is null, and its row is not ranked.
+
+    Parameters
+    ----------
+    work, method, batch, timing : Workload, Method, Batch, Timing
+        What was asked of whom, its answers, and how long they took.
+    """
     accuracy = accuracy_of(work, batch)
     engine, name, setting = method.key
     return {

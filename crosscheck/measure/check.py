@@ -87,6 +87,7 @@ def check(
 
     Parameters
     ----------
+    scene : Scene
     engines : sequence of str or Engine
         Names are looked up among the registered engines.
     about : mapping

@@ -69,9 +69,15 @@ EVIDENCE = {Evidence.CONDITION: "singular values of phi_q", Evidence.CERTIFICATE
 
 
 def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
-    """Return what is switched on and off in a method, each effect, or one of them, against an answer without it.
+    """Return what is switched on and off in a method, each effect against an answer without it.
 
     Evidence is the reference's own; physical effects are an engine's, which may have been made to simulate.
+
+    Parameters
+    ----------
+    method, scene : Method, Scene
+    only : str
+        The effect that is asked for, "" for all.
     """
     whole = replace(scene, effects=ORDERS[-1], evidence=frozenset(), points=(), bodies_wanted=None)
     body, origin = scene.mechanism.bodies[0].name, (0.0,) * scene.mechanism.kind.dimension
@@ -134,10 +140,14 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
 
     Parameters
     ----------
+    ablated : Ablations
+        Of the method.
     ref : Reference
         The reference's answer to the scene, which allowed errors are derived at.
     within : float
         How long to measure [s].
+    terms : sequence of Term
+        What the method adds to the allowed error.
     """
     with undisturbed():
         answers = {name: _answer(work, ref.scene) for name, work in ablated.runs.items()}

@@ -55,7 +55,17 @@ def load_engines(job: Mapping[str, Any]) -> None:
 
 
 def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Record:
-    """Return the record of a scene that was taken apart, as if nothing had happened, but with what failed again."""
+    """Return the record of a scene that was taken apart, as if nothing had happened, but with what failed again.
+
+    Parameters
+    ----------
+    job : mapping
+        As a worker takes it.
+    engines : sequence of str
+        Names, in the order of the record.
+    parts : mapping
+        Engine, "" for none -> the record of this part, or a Failure.
+    """
     whole: Record | Failure = parts[""]
     if isinstance(whole, Failure):
         scene, about = scene_of(job)
@@ -83,5 +93,11 @@ preload(__name__)
 
 
 def checkers(count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> Workers:
-    """Return worker processes that check scenes; parameters as those of `crosscheck.workers.pool.Workers`."""
+    """Return worker processes that check scenes.
+
+    Parameters
+    ----------
+    count, engines, seconds
+        As for `crosscheck.workers.pool.Workers`.
+    """
     return Workers(CHECK, count, engines, seconds)

@@ -118,6 +118,7 @@ def price(
 
     Parameters
     ----------
+    scene : Scene
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
     within : float

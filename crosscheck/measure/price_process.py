@@ -90,7 +90,18 @@ def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
 
 
 def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], within: float, pipe: Any) -> None:
-    """Send what is found through a pipe; `failed` are left alone. Other parameters as in `crosscheck.measure.price`."""
+    """Send what is found through a pipe.
+
+    Parameters
+    ----------
+    scene : dict
+        As data.
+    producers, within
+        As for `crosscheck.measure.price.price`.
+    failed : set of (engine, method, setting)
+        What is left alone.
+    pipe : Connection
+    """
     read = parse(scene)
     try:
         asked = questions(read)

@@ -40,8 +40,11 @@ def write_disagreements(
 
     Parameters
     ----------
+    plan : NightPlan
     new : sequence of NewCase
         Each with the number (`shard`) of its scene.
+    workers : Pool
+        What checks while shrinking.
     tick : callable
         Called between one scene and the next.
     """

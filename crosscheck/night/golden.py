@@ -74,7 +74,16 @@ def golden_scenes() -> dict[str, Scene]:
 
 
 def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
-    """Return scene, reference, the digits that rounding leaves and those of every method, by the name of the case."""
+    """Return scene, reference, the digits that rounding leaves and those of every method, by the name of the case.
+
+    Parameters
+    ----------
+    scenes : mapping
+        Name of the case -> Scene.
+    workers : Pool
+    engines : sequence of str
+        Names.
+    """
     for name, scene in scenes.items():
         workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
     records: dict[str, Record] = {}
@@ -126,7 +135,12 @@ def _digits(by_sigma: By) -> list[float] | None:
 def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: Iterable[str]) -> list[NewCase]:
     """Return what is worse now, one entry per case and quantity, as a disagreement of a night.
 
-    `engines` are those that were asked now; what others did before is not compared.
+    Parameters
+    ----------
+    before, now : mapping
+        Name -> case, as `measure` returns them.
+    engines : iterable of str
+        Those that were asked now; what others did before is not compared.
     """
     worse = []
     for name, case in before.items():
@@ -200,7 +214,17 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) -> None:
-    """Accept what was measured as the baseline."""
+    """Accept what was measured as the baseline.
+
+    Parameters
+    ----------
+    path : Path
+        The file, which is replaced.
+    cases : mapping
+        Name -> case, as `measure` returns them.
+    versions : mapping
+        Engine -> version.
+    """
     baseline = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
     replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
 
@@ -211,7 +235,16 @@ def scenes_of(cases: Mapping[str, Case]) -> dict[str, Scene]:
 
 
 def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
-    """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
+    """Compare the golden set, leave `golden.json` and scene files in `out`, return what is worse.
+
+    Parameters
+    ----------
+    path : Path
+        The baseline.
+    out : Path
+        Folder of the night.
+    workers : Pool
+    """
     baseline = read(path)
     cases = baseline["cases"]
     known, scenes = {engine for case in cases.values() for engine in case["methods"]}, scenes_of(cases)

@@ -58,10 +58,19 @@ class HistoryError(CannotRun):
 
 
 def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, Any] | None:
-    """Add a night to the history in a file, and write the trends that it is now part of into its folder.
+    """Add a night to a history, and write the trends that it is now part of into its folder.
 
     They are returned; None if there is no history, because no night was worth keeping yet. HistoryError or OSError if
     the file is no history, or cannot be written.
+
+    Parameters
+    ----------
+    path : Path
+        The history.
+    report : mapping
+        Of the night.
+    folder : Path
+        The night's.
     """
     append(path, report)
     if not path.is_file():

@@ -107,10 +107,16 @@ def hunt(
         After this long no further scene is checked.
     seed_of_hunt : int
         The same one hunts in the same places, as far as its time goes.
+    scene_seconds : float
+        How long a scene may take.
+    strata : sequence of (low, high)
+        Decades of the distance or slack in which scenes are drawn, as `STRATA` has them.
     starts : sequence of (seed, number)
         Scenes of nights to begin with.
     bag : Bag, optional
         Where the catches go: whoever breaks the hunt off still has them.
+    progress : callable
+        Is shown the bag after each scene.
     """
     bag, end = Bag() if bag is None else bag, time.monotonic() + seconds
     best = hunted(engines)
@@ -174,8 +180,12 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
 
     Parameters
     ----------
+    folder : Path
+        The night's.
     best : mapping
         Name of each engine -> its best method: the others are not hunted.
+    seed_of_night : int
+        By which its scenes were drawn.
     """
     worst: dict[Target, list[tuple[float, int]]] = {}
     for _, record in read_records(folder / "records.jsonl"):
@@ -189,7 +199,17 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
 
 
 def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:
-    """Run Hypothesis once on scenes of a stratum: half of them at random, half near the worst of those."""
+    """Run Hypothesis once on scenes of a stratum: half of them at random, half near the worst of those.
+
+    Parameters
+    ----------
+    check : callable
+        Says by `hypothesis.target` what makes a scene worse.
+    stratum : (low, high)
+        As for `hunt`.
+    number : int
+        Seed of the turn.
+    """
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
     made = settings(profile((Phase.generate, Phase.target)), max_examples=A_TURN)

@@ -105,6 +105,10 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
 
     Parameters
     ----------
+    folder : Path
+        The night's.
+    seed : int
+        By which its scenes were drawn.
     engines : mapping
         Name -> what `crosscheck.engines.load` takes for it.
     seconds : float
@@ -122,6 +126,14 @@ def pictures(
     """Return the scenes with their motion, and one mark per engine, method, quantity and decade that has a picture.
 
     Of each the scene with the fewest digits is pictured; those with the fewest of all go first.
+
+    Parameters
+    ----------
+    records : iterable of Record
+    job_of : callable
+        Record -> what its scene is made from.
+    engines, seconds
+        As for `write_pictures`.
     """
     end = time.monotonic() + seconds
     jobs = list(_jobs(records, job_of, engines))[:MOST_SCENES]
@@ -194,7 +206,16 @@ def _answers(spec: str, wanted: set[str], ref: Reference) -> Iterator[tuple[str,
 
 
 def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> DrawnSample | None:
-    """Return the sample of a comparison with the fewest digits of a decade of sigma_min; None if it has none there."""
+    """Return the sample of a comparison with the fewest digits of a decade of sigma_min; None if it has none there.
+
+    Parameters
+    ----------
+    sigma : (T,) array
+        sigma_min.
+    q : QuantityComparison
+    decade : int
+        floor(log10(sigma_min)).
+    """
     if q.difference is None:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -116,7 +116,15 @@ def turn_of(number: int) -> int:
 
 
 def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
-    """Return the scene of that number, 0, 1, 2 ..., in a night; the same linkage and motion for any `samples`."""
+    """Return the scene of a number in a night.
+
+    Parameters
+    ----------
+    night, number : int
+        Seed of the night, and 0, 1, 2 ... in it.
+    samples : int
+        Times of the scene: linkage and motion are the same for any.
+    """
     scenes: list[AnyDrawn] = []
     _run(night, number, samples, (Phase.generate,), scenes.append)
     return scenes[-1]
@@ -131,6 +139,8 @@ def shrink(
 
     Parameters
     ----------
+    night, number : int
+        As for `draw`.
     still_fails : callable
         Whether a scene shows the same disagreement.
     seconds : float
@@ -173,8 +183,19 @@ def shrink(
 def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: int, samples: int) -> None:
     """Check scenes that Hypothesis derives from the one drawn under this number, at fewer times.
 
-    `check` says by `hypothesis.target` what makes a scene worse. The choices that drew the scene are kept as those of a
+    The choices that drew the scene are kept as those of a
     failure, which is where Hypothesis begins.
+
+    Parameters
+    ----------
+    night, number : int
+        As for `draw`.
+    check : callable
+        Says by `hypothesis.target` what makes a scene worse.
+    examples : int
+        How many scenes are checked at most.
+    samples : int
+        Times of each.
     """
     start = draw(night, number, samples).scene
     kept = InMemoryExampleDatabase()

@@ -28,12 +28,29 @@ UP, DOWN = (0.0, 1.0), (0.0, -1.0)
 
 
 def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) -> Revolute:
-    """Return a revolute joint; on body j it is at the origin by default."""
+    """Return a revolute joint; on body j it is at the origin by default.
+
+    Parameters
+    ----------
+    name : str
+    i, j : str
+        Bodies.
+    point_i, point_j : (x, y)
+        Of the bodies, each in its frame [m].
+    """
     return Revolute(name=name, **ends(i, point_i, j, point_j))
 
 
 def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dict[str, Any]:
-    """Return the keys of the two points of a joint; that on j is its origin by default."""
+    """Return the keys of the two points of a joint; that on j is its origin by default.
+
+    Parameters
+    ----------
+    i, j : str
+        Bodies.
+    p, q : tuple of float
+        Points of the bodies, each in its frame [m].
+    """
     return {"body_i": i, "point_i": p, "body_j": j, "point_j": q or (0.0,) * len(p)}
 
 
@@ -80,7 +97,16 @@ def ways_to(d: float) -> list[float]:
 
 
 def timed(mechanism: Mechanism, times: Sequence[float], name: str) -> Scene:
-    """Return the scene that calls for positions at some times, with all evidence."""
+    """Return the scene that calls for positions at some times, with all evidence.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    times : sequence of float
+        Increasing [s].
+    name : str
+        Of the scene.
+    """
     return Scene(mechanism=mechanism, times=tuple(times), name=name, effects=frozenset(), evidence=frozenset(Evidence))
 
 
@@ -93,6 +119,15 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
 
     A dyad is two links pinned to each other and each to a body drawn among those before it, so that loops run through
     all of a branching tree. Lengths are such that at no angle the dyad is near being stretched or folded.
+
+    Parameters
+    ----------
+    count : int
+        How many dyads.
+    seed : int
+        Of the draws.
+    angles : sequence of float
+        Of the crank [rad].
     """
     draw = random.Random(seed)
     joints = [pin("pivot", GROUND, (0.0, 0.0), "crank")]

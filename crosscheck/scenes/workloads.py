@@ -146,7 +146,18 @@ class AnswerPiece:
 
 
 def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> AnswerPiece:
-    """Return the answers of some mechanisms at all times as a piece; each level is (rows, M, T)."""
+    """Return the answers of some mechanisms at all times as a piece.
+
+    Parameters
+    ----------
+    work : FourBars or SpatialLoops
+    mechanisms : (M,) array of int
+        Which of them.
+    levels : iterable of (rows, M, T) array
+        Positions, and as many rates as there are.
+    rows : sequence of int
+        Which coordinates a level holds.
+    """
     count = len(work.t)
     return AnswerPiece(
         np.repeat(mechanisms, count),
@@ -251,7 +262,16 @@ def sweep(count: int, name: str = "sweep-1000") -> FourBars:
 
 
 def many(name: str, mechanisms: int, times: int, margin: float) -> FourBars:
-    """Return random four-bars whose crank turns fully, at so many times over a turn."""
+    """Return random four-bars whose crank turns fully, at so many times over a turn.
+
+    Parameters
+    ----------
+    name : str
+    mechanisms, times : int
+        How many.
+    margin : float
+        As for `grashof`.
+    """
     return FourBars(name, grashof(mechanisms, margin), np.arange(times) * (math.tau / times))
 
 

@@ -60,7 +60,14 @@ def one_rssr(name: str, times: int) -> SpatialLoops:
 
 
 def many_rssrs(name: str, mechanisms: int, times: int) -> SpatialLoops:
-    """Return random RSSRs whose crank turns fully, at so many times over a turn."""
+    """Return random RSSRs whose crank turns fully, at so many times over a turn.
+
+    Parameters
+    ----------
+    name : str
+    mechanisms, times : int
+        How many.
+    """
     drawn = _turning_fully()
     return SpatialLoops(
         name, tuple(next(drawn) for _ in range(mechanisms)), tuple((np.arange(times) * (math.tau / times)).tolist())

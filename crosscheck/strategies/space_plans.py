@@ -167,6 +167,16 @@ def drawn_coupler(
     """Draw a span, and a coupler's length that follows it: not below the least distance, not above the greatest.
 
     Returns the span, the length, its room, and the region: a regular one where there is no limit or fold to go to.
+
+    Parameters
+    ----------
+    draw : callable
+        What Hypothesis draws with.
+    region : Region
+    decades : (float, float)
+        Of the distance from what the region goes to.
+    reach : callable
+        Inputs (N,) [rad] -> least and greatest distance that a coupler spans at each (N,).
     """
     regular = Region.REGULAR if region in (Region.LIMIT, Region.FOLD) else region
     first, last = drawn_span(draw)
@@ -215,7 +225,16 @@ def _around_least(first: float, last: float, reach: Callable[[Array], tuple[Arra
 
 
 def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> RockerCircle:
-    """Return where a rocker's joint may be; beside the crank's plane, or about it, if the region says so."""
+    """Return where a rocker's joint may be; beside the crank's plane, or about it, if the region says so.
+
+    Parameters
+    ----------
+    draw : callable
+        What Hypothesis draws with.
+    region : Region
+    decades : (float, float)
+        Of the tilt, of a linkage that is nearly planar.
+    """
     if region is Region.OVER:
         centre = np.array(
             [draw(st.floats(0.125, 0.375), label="ground"), 0.0, draw(st.floats(-0.25, 0.25), label="rise")]
@@ -239,7 +258,21 @@ def rod_is_a_body(draw: DrawFn) -> bool:
 
 
 def link(pose: SpaceAssembly, i: str, j: str, ends: tuple[Array, Array], name: str, whole: bool) -> None:
-    """Join two bodies by a coupler, a body with a spherical joint at either end, or by a distance."""
+    """Join two bodies by a coupler, a body with a spherical joint at either end, or by a distance.
+
+    Parameters
+    ----------
+    pose : SpaceAssembly
+        What is added to.
+    i, j : str
+        The bodies.
+    ends : (first, second)
+        Of the coupler, (3,) each, as `pose` has points.
+    name : str
+        The coupler's.
+    whole : bool
+        Whether it is a body, and no distance.
+    """
     if whole:
         pose.add(Spherical, f"{name} S1", i, name, ends[0])
         pose.add(Spherical, f"{name} S2", name, j, ends[1])

@@ -54,7 +54,21 @@ def draw_span(
 ) -> tuple[float, float]:
     """Draw (first, last): the input may take any value between, and goes to `last` if that is near a singular pose.
 
-    Spans of an angle are at most one turn, and never more than `widest` [rad].
+    Spans of an angle are at most one turn.
+
+    Parameters
+    ----------
+    draw : callable
+        What Hypothesis draws with.
+    linkage : Linkage
+    pair : (driven, relative_to)
+        Which input is driven.
+    hardness : Hardness
+        Where it goes on purpose.
+    decades : (float, float)
+        Of the distance from a limit.
+    widest : float
+        Of a span [rad].
     """
     if hardness is Hardness.REGULAR:
         return _regular(draw, linkage, pair, widest)

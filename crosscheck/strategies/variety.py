@@ -78,7 +78,18 @@ class Variant:
 
 
 def draw_variant(draw: DrawFn, linkage: AnyLinkage, pose: Pose, held: tuple[str, str]) -> Variant:
-    """Draw a variant of a linkage that leaves it the bodies that a driver holds; `pose` names its bodies."""
+    """Draw a variant of a linkage that leaves it the bodies that a driver holds.
+
+    Parameters
+    ----------
+    draw : callable
+        What Hypothesis draws with.
+    linkage : Linkage
+    pose : mapping
+        Body -> (x, y, phi).
+    held : (str, str)
+        The bodies that a driver holds.
+    """
     massless, sliding = draw(st.sampled_from(_structures(linkage, held)), label="structure")
     variant = Variant(massless=massless, sliding=sliding)
     size = longest(linkage)

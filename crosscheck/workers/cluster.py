@@ -165,7 +165,19 @@ class ClusterWorkers(Pool):
 
 
 def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], seconds: float) -> Batch:
-    """Return the records of scenes; this is what a worker of the cluster does, its engines in a child process."""
+    """Return the records of scenes; this is what a worker of the cluster does, its engines in a child process.
+
+    Parameters
+    ----------
+    work : Work
+        What is done.
+    jobs : sequence of mapping
+        The scenes.
+    engines : mapping
+        Name -> what `crosscheck.engines.load` takes for it.
+    seconds : float
+        How long a scene may take.
+    """
     workers = _child(threading.get_ident(), work, tuple(engines.items()), seconds)
     workers.submit(jobs)
     records: list[Any] = []

@@ -156,7 +156,16 @@ class Child:
 
 
 def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None, pipe: Any) -> None:
-    """Call a function with what comes through a pipe until its other end is closed; this is what a child does."""
+    """Call a function with what comes through a pipe until its other end is closed; this is what a child does.
+
+    Parameters
+    ----------
+    function : callable
+        Of one argument.
+    prepare : callable, optional
+        Called with the first argument of each list that comes, before the time of that begins.
+    pipe : Connection
+    """
     gc.set_threshold(COLLECTED_AFTER)
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
@@ -169,9 +178,17 @@ def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None,
 
 
 def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START) -> list[Any]:
-    """Return what an importable function returns for each argument, or a Failure, each in a process of its own.
+    """Return what a function returns for each argument, or a Failure, each in a process of its own.
 
-    All are done at once; `seconds` are for the start as well.
+    All are done at once.
+
+    Parameters
+    ----------
+    function : callable
+        Importable, of one argument.
+    arguments : sequence
+    seconds : float
+        For all of it, the start as well.
     """
     children = []
     for argument in arguments:
@@ -189,9 +206,18 @@ def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds:
 def call_in_turn(
     function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START, count: int = 1
 ) -> Iterator[Any]:
-    """Yield what an importable function returns for each argument, or a Failure; `count` processes take turns.
+    """Yield what a function returns for each argument, or a Failure; processes take turns.
 
-    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
+    A process that ends, or that takes too long, is replaced for the arguments that are left.
+
+    Parameters
+    ----------
+    function, arguments
+        As for `call_each`.
+    seconds : float
+        How long a call may take.
+    count : int
+        How many processes take turns.
     """
     children: dict[int, Child] = {}
     given = iter(enumerate(arguments))
