@@ -26,9 +26,16 @@ from refkin.system import System, compile_system
 COORDINATES = {"planar": 3, "spatial": 6}
 _PLANAR: Any = [joint for joint in JOINT_TYPES if isinstance(joint.rows, int)]
 _SPATIAL: Any = SPATIAL_JOINT_TYPES
+
+
+def _formulas(joint: Any) -> Any:
+    """Return the formulas of a joint of space that says its elements one by one, in the first form of each."""
+    return [next(iter(term.values())) if isinstance(term, dict) else term for term in joint.formulas]
+
+
 FREEDOMS: Mapping[str, Mapping[str, int]] = {
     "planar": {joint.type: 3 - joint.rows for joint in _PLANAR} | {"cam": 2},
-    "spatial": {joint.type: 6 - sum(e.rows for e in joint.consists_of) for joint in _SPATIAL} | {"screw": 1},
+    "spatial": {j.type: 6 - sum(e.rows for e in j.consists_of or _formulas(j)) for j in _SPATIAL} | {"screw": 1},
 }
 """Freedoms that a joint leaves between two bodies: all but those that its rows take, in space those of its elements.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import replace
 
@@ -10,11 +11,13 @@ import pytest
 
 import refkin
 from refkin.errors import InvalidScene
-from refkin.joints import AngleDriver, XDriver, YDriver
+from refkin.joints import SPATIAL_JOINT_TYPES, AngleDriver, XDriver, YDriver
+from refkin.joints.spatial import PointOnPlane
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.singularity.second_order import balance
 from refkin.scenes.linkages import ScrewJack
+from refkin.solving import mobility as module
 from refkin.solving.mobility import FREEDOMS, count, gruebler, kind_of, mobility, rank_of
 from tests.claims import assert_near
 
@@ -270,3 +273,18 @@ def test_kinds_have_their_names():
     ):
         assert words in kind_of(mobility_), f"{mobility_}: {kind_of(mobility_)}"
     assert math.prod("freedom" in kind_of(k) for k in (1, 2)) == 1, "a mechanism without freedoms"
+
+
+def test_a_joint_of_space_that_says_its_elements_one_by_one_is_counted_by_its_formulas(monkeypatch):
+    class Planes(PointOnPlane):
+        formulas = PointOnPlane.formulas * 2
+        consists_of = ()
+        type = "planes"
+
+    monkeypatch.setattr("refkin.joints.SPATIAL_JOINT_TYPES", (*SPATIAL_JOINT_TYPES, Planes))
+    importlib.reload(module)
+    counted = module.FREEDOMS["spatial"]
+    monkeypatch.undo()
+    importlib.reload(module)
+
+    assert (counted["planes"], counted["point_on_plane"]) == (4, 5)
