@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Disc, Driver, Polar
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Disc, Driver, Polar
 from tests.houseplan import ROOT, arrows, circles, floors, folded, imported, module_of, modules, sources, tree
 
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
@@ -88,7 +88,7 @@ def test_the_reference_is_read_in_one_sitting():
 
     assert lines(spine) <= 1140
     assert lines(spine) + lines(joints) - lines(of_space) <= 1881
-    assert lines(of_space) <= 956  # the second chapter that may be left for another day: bodies of space
+    assert lines(of_space) <= 961  # the second chapter that may be left for another day: bodies of space
 
 
 def test_source_and_tests_stay_as_long_as_they_are():
@@ -204,8 +204,9 @@ def test_at_most_three_modules_stand_at_the_top_of_crosscheck():
     assert len(list((ROOT / "crosscheck").glob("*.py"))) - 1 <= 3  # but for its face
 
 
-JOINT_NAMES = {cls.__name__ for cls in (*JOINT_TYPES, *DRIVER_TYPES, Driver, Disc, Polar)}
-MOST_QUESTIONS = 12
+OF_SPACE = (*SPATIAL_JOINT_TYPES, *SPATIAL_DRIVER_TYPES)
+JOINT_NAMES = {cls.__name__ for cls in (*JOINT_TYPES, *DRIVER_TYPES, *OF_SPACE, Driver, Disc, Polar)}
+MOST_QUESTIONS = 15
 """How often a joint's type was asked for outside `refkin/joints` when this was written; 124 times at b3b28a8."""
 
 

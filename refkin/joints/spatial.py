@@ -51,12 +51,14 @@ class SpatialConstraint(Constraint):
     """A constraint between bodies of space, which says twice what it is: by its formulas, and by its elements.
 
     Its rows are those of `formulas`, one after another; of those that differ by form, its own form counts. An element
-    of `consists_of` takes the fields of the constraint that it has too.
+    of `consists_of` takes the fields of the constraint that it has too. What a driver may move of it is in `moves`:
+    "angle", "displacement".
     """
 
     kind = SPACE
     formulas: ClassVar[tuple[SpatialRows | Formed, ...]] = ()
     consists_of: ClassVar[tuple[type[Element], ...]] = ()
+    moves: ClassVar[tuple[str, ...]] = ()
 
     @property
     def terms(self) -> tuple[SpatialRows, ...]:
@@ -180,6 +182,7 @@ class SpatialRevolute(OfLines):
     spacing: float | None = None
     type: Literal["revolute"] = "revolute"
     consists_of = (PointsMeet, AxesParallel)
+    moves = ("angle",)
 
     @property
     def terms(self) -> tuple[SpatialRows, ...]:
@@ -204,6 +207,7 @@ class Cylindrical(OfLines):
     type: Literal["cylindrical"] = "cylindrical"
     formulas = (PARALLEL, ON_AXIS)
     consists_of = (AxesParallel, PointOnAxis)
+    moves = ("angle", "displacement")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,6 +218,7 @@ class SpatialPrismatic(OfLines):
     type: Literal["prismatic"] = "prismatic"
     formulas = (PARALLEL, ON_AXIS, UNTURNED)
     consists_of = (AxesParallel, PointOnAxis, TurnAboutAxis)
+    moves = ("displacement",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,6 +244,7 @@ class Screw(OfLines):
     type: Literal["screw"] = "screw"
     formulas = (PARALLEL, ON_AXIS, Thread(), Angle(counted=True))
     consists_of = (AxesParallel, PointOnAxis, ScrewMotion)
+    moves = ("angle", "displacement")
 
     @property
     def parameters(self) -> int:

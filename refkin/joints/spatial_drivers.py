@@ -14,7 +14,7 @@ from refkin.errors import Fault
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 from refkin.joints.elements import GROUND, Triple
-from refkin.joints.spatial import BetweenSpatialPoints, SpatialConstraint, names_of
+from refkin.joints.spatial import SPATIAL_JOINT_TYPES, BetweenSpatialPoints, SpatialConstraint, names_of
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
 from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, TurnCount
@@ -70,11 +70,10 @@ class ShiftDriver(DriverOfBodies):
 
 @dataclass(frozen=True, kw_only=True)
 class JointDriver(Driver):
-    """A driver of the joint of a name, which `becomes` one of bodies, points and axes among the joints."""
+    """A driver of a joint that `moves` so; it `becomes` one of bodies, points and axes among the joints."""
 
     kind = SPACE
     joint: str
-    drives: ClassVar[tuple[str, ...]]
     becomes: ClassVar[type[DriverOfBodies]]
 
     @property
@@ -84,14 +83,16 @@ class JointDriver(Driver):
     def among(self, joints: Sequence[Constraint]) -> Constraint:
         """Return the driver with what the joint that it names has; itself if there is no such joint."""
         for joint in joints:
-            if joint.name == self.joint and joint.type in self.drives and joint.kind is SPACE:
+            if joint.name == self.joint and self.type in getattr(joint, "moves", ()):
                 of_joint = vars(joint) | vars(self) | ({"form": "counted"} if joint.parameters else {})
                 return self.becomes(**{key: of_joint[key] for key in names_of(self.becomes)})
         return self
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from super().faults(path)
-        yield Fault(f"{path}.joint", self.joint, f"a joint of the scene that is {' or '.join(self.drives)}")
+        types: Any = SPATIAL_JOINT_TYPES
+        able = " or ".join(joint.type for joint in types if self.type in joint.moves)
+        yield Fault(f"{path}.joint", self.joint, f"a joint of the scene that is {able}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +105,6 @@ class SpatialAngleDriver(JointDriver):
 
     form: Literal["half", "dot"] = "half"
     type: Literal["angle"] = "angle"
-    drives = ("revolute", "cylindrical", "screw")
     becomes = TurnDriver
 
 
@@ -113,7 +113,6 @@ class DisplacementDriver(JointDriver):
     """What leads from point i to point j of a joint has the length f(t) [m] along its axis: h_i . d - f = 0."""
 
     type: Literal["displacement"] = "displacement"
-    drives = ("cylindrical", "prismatic", "screw")
     becomes = ShiftDriver
 
 

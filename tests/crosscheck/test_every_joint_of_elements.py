@@ -70,16 +70,6 @@ class Composed(joints.Screw):
         return int(joints.ScrewMotion in self.consists_of)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Turned(joints.SpatialAngleDriver):
-    drives = ("composed",)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shifted(joints.DisplacementDriver):
-    drives = ("composed",)
-
-
 def joint_of(elements: Any) -> type[Composed]:
     """Return the joint of some elements, one after another; engines are handed copies, so that it needs a name."""
     name = "Of" + "".join(e.__name__ for e in elements)
@@ -131,7 +121,7 @@ def scene_of(
     )  # fmt: skip
     drivers = [refkin.SpatialAngleDriver(name="motor", joint="R", law=Polynomial(coefficients=(0.4, 0.5, 0.2)))]
     if driver is not None:
-        start = turn if driver is Turned else along
+        start = turn if driver is joints.SpatialAngleDriver else along
         drivers.append(driver(name="drive", joint="P", law=Polynomial(coefficients=(start, 0.3, 0.1))))
     poses = (0.0, 0.0, 0.0, *parameters(CRANK)), (*place, *parameters(turned))
     bodies = tuple(
@@ -190,7 +180,7 @@ def named(elements: Any) -> str:
 
 def refusing(elements: Any, driver: Any = None) -> set[str]:
     """Return which engines have no means for a joint of these elements."""
-    twisted = AxesParallel not in elements and (TurnAboutAxis in elements or driver is Turned)
+    twisted = AxesParallel not in elements and (TurnAboutAxis in elements or driver is joints.SpatialAngleDriver)
     return {"exudyn"} if joints.ScrewMotion in elements or twisted else set()
 
 
@@ -250,7 +240,12 @@ def test_a_drawn_joint_in_a_drawn_order_does_the_same_and_is_fast_drawn_and_read
     importlib.reload(keys)
 
 
-FEW = [(elements, driver) for elements in COMBINATIONS if len(elements) < 3 for driver in (Turned, Shifted)]
+FEW = [
+    (elements, driver)
+    for elements in COMBINATIONS
+    if len(elements) < 3
+    for driver in (joints.SpatialAngleDriver, joints.DisplacementDriver)
+]
 DRIVEN = [(elements, driver) for elements, driver in FEW if scene_of(elements, driver) is not None]
 
 
