@@ -273,6 +273,13 @@ def test_the_radius_of_one_square_holds_its_root_also_where_the_root_is_beyond_n
     assert away <= certificate.radii[1, 0] <= 1.001 * away
 
 
+def test_a_box_that_is_given_holds_the_root_or_is_not_proved() -> None:
+    system, q = height(1.0), np.array([0.0, 1.001, 0.0])
+
+    assert krawczyk(system, q, 0.0, radius=0.002) is not None
+    assert krawczyk(system, q, 0.0, radius=0.0005) is None  # a wider box would hold it
+
+
 @pytest.mark.parametrize("rate", [1.0, -1.0])
 def test_the_bound_of_a_wrong_velocity_counts_what_the_inverse_at_a_pose_that_is_off_makes_of_it(rate):
     """The height rests; of a rate given at a pose 5 % too high the inverse there takes 95 % away."""

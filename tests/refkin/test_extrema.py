@@ -17,6 +17,7 @@ WAVES = [
     TABLE,
     TWICE_IN_ONE_PIECE,
     AROUND,
+    Table(argument=(0.0, 0.25, 0.275, 0.3), value=(0.5, 0.9, -0.2, 0.5), periodic=True),
     Integral(rate=Polynomial(coefficients=(0.3, -1.0, 0.5)), initial=-0.1),
     Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=30.0, offset=0.2, phase=-0.4), initial=0.01),
     Integral(rate=TABLE, initial=0.0),

@@ -217,6 +217,12 @@ def test_a_stall_is_a_correction_that_is_not_nearly_halved():
     assert [stop(np.zeros(1), np.array([size]), at) for size in sizes] == [False, False, False, False, True]
 
 
+def test_a_correction_of_more_than_the_spacing_of_the_numbers_is_not_the_last():
+    at = np.ones(1)
+
+    assert [RoundOff()(at, np.array([part * EPS]), at) for part in (1.0, 1.25)] == [True, False]
+
+
 def test_the_residual_is_that_of_the_worst_equation():
     """x = 1, 3 y = -6 from (1, 1) with a slope that is 2 for 3: y goes to -3.5."""
     slope = np.diag([1.0, 2.0])

@@ -9,11 +9,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from refkin.joints import GROUND, elements_of
+from refkin.joints.spatial import Perpendicular
 from refkin.model import Effect
 from refkin.motion import point_motion
 from refkin.output import Drawing, animated, still
 from refkin.output.drawing import Part, seen
-from refkin.output.spatial import VIEW, block
+from refkin.output.spatial import VIEW, block, features_of_joints
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
@@ -107,6 +109,13 @@ def test_every_joint_of_space_can_be_drawn(file):
             if shape.points.shape[1] > 1 and shape.role != "body" and not triad:
                 around = np.linalg.norm(shape.points.mean(axis=1) - points, axis=1)
                 assert np.min(around) < 1e-12 * answer.scene.mechanism.size()  # drawn evenly around a joint's point
+
+
+def test_a_joint_of_axes_alone_is_drawn_around_the_origin_of_a_body():
+    joint = Perpendicular(name="across", body_i=GROUND, axis_i=(0.0, 0.0, 1.0), body_j="body", axis_j=(3.0, 0.0, 4.0))
+    middles = [s.points.mean(axis=1).tolist() for s in features_of_joints([*elements_of([joint])], "body", 2.0)]
+
+    assert middles == [[0.0, 0.0, 0.0]] * 2
 
 
 def test_a_body_of_one_point_is_an_upright_square_around_it():
