@@ -22,6 +22,7 @@ from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.bench import Key, key_of, measured_by_name, merged
 from crosscheck.measure.effects import REFKIN, effects_ledger
 from crosscheck.scenes import workloads
+from crosscheck.scenes.names import called
 from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure, call_each
 from refkin.motion import Status
@@ -139,7 +140,9 @@ def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
         words = [f"{times[ours] / time:.3g} times {what}" for what, time in there.items()]
         if engines:
             first = min(engines, key=lambda key: engines[key])
-            words.append(f"{times[ours] / engines[first]:.3g} times {', '.join(first[:2])}, the fastest engine")
+            words.append(
+                f"{times[ours] / engines[first]:.3g} times {', '.join(filter(None, first))}, the fastest engine"
+            )
         if words:
             sentences.append(f"{', '.join(ours[:2])} takes {', '.join(words)}.")
     return sentences
@@ -226,7 +229,7 @@ def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
     for row in rows:
         if row.inert is None:
             by, effects = reasons.setdefault((row.engine, row.note), ([], []))
-            by += [row.method] if row.method not in by else []
+            by += [name] if (name := called(row.method, row.setting)) not in by else []
             effects += [row.effect] if row.effect not in effects else []
     return [
         f"no price in {engine} ({', '.join(by)}): {', '.join(effects)}: {why}"

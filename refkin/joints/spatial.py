@@ -6,9 +6,10 @@ where these differ:
 
 ========= ========================================================================================================
 `half`    of full rank and without false roots: half angles (`spatial_terms`)
-`dot`     of full rank, by dot products; zero as well where an axis is reversed
+`dot`     of full rank, by dot products, as exudyn has its rows; zero as well where an axis is reversed
 `printed` cross products, as Shabana prints them (Computational Dynamics, 7): more rows than are independent
 ========= ========================================================================================================
+A joint without the form `dot` has other rows than exudyn, which a comparison of rows would call a fault.
 """
 
 from __future__ import annotations

@@ -191,9 +191,9 @@ def test_hard_cases_of_the_kinds_that_are_asked_for_are_asked_in_their_order():
 def test_hard_cases_are_counted_by_verdict_and_what_is_wrong_stands_with_its_reason(capsys):
     keys = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
     rows = [
-        ("a", "newton", "-", "toggle", 0.01, 3, "correct", None, None, ""),
-        ("a", "newton", "-", "toggle", 0.001, 3, "wrong", "defect", "so it is", "far off"),
-        ("b", "newton", "-", "toggle", 0.01, 3, "hang", None, None, "never came"),
+        ("a", "newton", "", "toggle", 0.01, 3, "correct", None, None, ""),
+        ("a", "newton", "", "toggle", 0.001, 3, "wrong", "defect", "so it is", "far off"),
+        ("b", "newton", "", "toggle", 0.01, 3, "hang", None, None, "never came"),
     ]
     hunt._print_table([dict(zip(keys, row, strict=True)) for row in rows])
     shown = capsys.readouterr().out
