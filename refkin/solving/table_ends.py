@@ -14,9 +14,6 @@ from refkin.joints import Constraint
 from refkin.model import Mechanism
 from refkin.motion_laws import Table
 
-LAWS = ("law", "rate_law", "offset_law")
-"""Where a constraint has its laws; the profile of a cam is none."""
-
 
 class _Continued(Table):
     """A table whose first and last piece go on beyond its ends."""
@@ -35,7 +32,7 @@ def continued(mechanism: Mechanism) -> Mechanism:
 
 
 def _with_continued(constraint: Any) -> Any:
-    own = {key: getattr(constraint, key) for key in LAWS if hasattr(constraint, key)}
+    own = {key: getattr(constraint, key) for key in {key.partition("[")[0] for key in constraint.law_keys}}
     return replace(constraint, **{key: _law(law) for key, law in own.items()}) if own else constraint
 
 
