@@ -35,8 +35,10 @@ def imported(path):
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            package = module_name(path).split(".")[: -node.level + (path.name == "__init__.py") or None]
+            start = ".".join([*(package if node.level else ()), *filter(None, [node.module])])
+            yield from (f"{start}.{alias.name}" for alias in node.names)
 
 
 def module_of(name):
