@@ -9,6 +9,7 @@ both sides.
 from __future__ import annotations
 
 import random
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,7 +24,8 @@ from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.delivery import ABSOLUTE
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
-from refkin.joints import elements_of
+from refkin.joints import Constraint, elements_of
+from refkin.joints.spatial_elements import AxesParallel, TurnAboutAxis
 from refkin.model import Mechanism
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
@@ -32,6 +34,8 @@ TINY = float(np.finfo(float).tiny)
 ABSENT = refused("not in the table")
 ROUNDINGS = 8
 """Of w = 2 E p' four, of a row's product with v and w three, of the row's own entries one."""
+OF_FORM = (AxesParallel.kind, TurnAboutAxis.kind)
+"""Elements whose rows differ by form (`refkin.joints.spatial`)."""
 LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 
 
@@ -163,6 +167,16 @@ def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -
     ]
 
 
+def without_form(mechanism: Mechanism, form: str) -> list[Constraint]:
+    """Return the constraints whose formulas have no rows of turns in a form: those of one form have half angles."""
+    if form in ("", "half"):
+        return []
+    half, other = (in_form(mechanism, one).constraints for one in ("half", form))
+    turns = Counter(e.name for e in elements_of(mechanism.constraints) if e.kind in OF_FORM)
+    pairs: list[Any] = [pair for pair in zip(half, other, strict=True) if turns[pair[0].name]]
+    return [a for a, b in pairs if sum(x is not y for x, y in zip(a.terms, b.terms, strict=True)) < turns[a.name]]
+
+
 def compare_levels(
     engine: Engine,
     model: ConstraintModel,
@@ -171,6 +185,8 @@ def compare_levels(
     terms: Sequence[Term] = (),
 ) -> dict[Level, LevelComparison]:
     """Compare every level that the engine declares for the joints; driver rows only if it owns the driver.
+
+    Rows of turns are left out where our formulas have them in another form only (`without_form`).
 
     Parameters
     ----------
@@ -182,7 +198,9 @@ def compare_levels(
     """
     table = engine.capabilities()
     elements = {(e.name, e.row + k): e for e in elements_of(mechanism.constraints) for k in range(e.rows)}
-    maps = [m for m in model.rows if model.owns_driver or not elements[m.constraint, m.row].laws]
+    other = {c.name for c in without_form(mechanism, getattr(model, "form", ""))}
+    of = [(m, elements[m.constraint, m.row]) for m in model.rows]
+    maps = [m for m, e in of if (model.owns_driver or not e.laws) and not (e.name in other and e.kind in OF_FORM)]
     able = [table.get(elements[m.constraint, m.row].key, {}) for m in maps]
     expected = [_expected(model, c, maps) for c in at] if maps else []
     compared = {}

@@ -31,7 +31,7 @@ from crosscheck.judge.delivery import (
     undelivered,
 )
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
-from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows
+from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
 from crosscheck.judge.records import (
     QUANTITIES,
     Answer,
@@ -378,6 +378,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             terms, faults = granted(engine, scene, of_rows)
             part.disagreements += [Disagreement(**who, **fault) for fault in faults]
             levels = compare_levels(engine, model, scene.mechanism, at, terms)
+            part.refusals += _of_other_forms(engine, scene, getattr(model, "form", ""))
         finally:
             model.close()
     except EngineError as error:
@@ -397,6 +398,16 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             part.disagreements.append(
                 Disagreement(**who, quantity=level.value, kind=Cause.TRANSLATED, ratio=ratio, at=compared.worst)
             )
+
+
+def _of_other_forms(engine: Engine, scene: Scene, form: str) -> list[RefusalRow]:
+    """Return whose own rows of turns are not compared: the formulas have them in another form than the engine."""
+    why: Any = {
+        "level": Level.JACOBIAN.value,
+        "reason": f"its rows are in the form {form!r}, which the formulas have not",
+    }
+    others = without_form(scene.mechanism, form)
+    return [RefusalRow(engine=engine.name, joint=c.type, name=c.name, **why) for c in others]
 
 
 def permuted(scene: Scene) -> Scene:

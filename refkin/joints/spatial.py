@@ -9,7 +9,7 @@ where these differ:
 `dot`     of full rank, by dot products, as exudyn has its rows; zero as well where an axis is reversed
 `printed` cross products, as Shabana prints them (Computational Dynamics, 7): more rows than are independent
 ========= ========================================================================================================
-A joint without the form `dot` has other rows than exudyn, which a comparison of rows would call a fault.
+A joint without the form `dot` has other rows than exudyn: these are not compared, and it is said.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Form = Literal["half", "dot", "printed"]
 Formed = dict[str, SpatialRows]
 """Terms that say the same by other rows in each form."""
 PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
-ON_AXIS: Formed = {"half": Guide("fi gi"), "dot": Guide("fi gi"), "printed": Crossed(gap=True)}
+ON_AXIS: Formed = dict.fromkeys(("half", "dot"), Guide("fi gi")) | {"printed": Crossed(gap=True)}
 UNTURNED: Formed = {"half": Turn("3"), "dot": Across("fi", "gj"), "printed": Across("fi", "gj")}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.measure.check import check
+from crosscheck.measure.check import ROWS, check
 from crosscheck.night.moving_parts import SceneDrawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
 from refkin.fast import attempt
@@ -188,7 +188,16 @@ class Plate(OfLines):
     consists_of = (AxesParallel, PointInPlane)
 
 
-def plate_on_a_crank() -> Scene:
+@dataclass(frozen=True, kw_only=True)
+class PlateOfOneForm(OfLines):
+    """The same, by half angles alone."""
+
+    type: Literal["plate of one form"] = "plate of one form"
+    formulas = (PARALLEL["half"], Guide("hi"))
+    consists_of = Plate.consists_of
+
+
+def plate_on_a_crank(plate: Any = Plate) -> Scene:
     """Return a crank that draws a plate over a plane, which a rod holds too."""
     x, z, at_0 = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     axes: dict[str, Any] = {"axis_i": z, "zero_i": x, "axis_j": z, "zero_j": x}
@@ -196,7 +205,7 @@ def plate_on_a_crank() -> Scene:
     joints = (
         refkin.SpatialRevolute(name="R", **ground, body_j="crank", point_j=at_0, **axes),
         refkin.Spherical(name="S", body_i="crank", point_i=x, body_j="plate", point_j=at_0),
-        Plate(name="P", **ground, body_j="plate", point_j=(0.0, 1.0, 0.0), **axes),
+        plate(name="P", **ground, body_j="plate", point_j=(0.0, 1.0, 0.0), **axes),
         refkin.SpatialDistance(
             name="D", body_i="ground", point_i=(4.0, 0.0, 0.0), body_j="plate", point_j=(3.0, 0.0, 0.0), length=1.5
         ),
@@ -216,3 +225,26 @@ def test_in_space_engines_read_it_element_by_element():
     assert [str(seen) for seen in record.disagreements] == []
     assert {answer.engine for answer in record.answers} == set(OWN_ROWS)
     assert {row.engine for row in record.levels} == {"exudyn", "mujoco", "pinocchio"}
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_rows_that_exudyn_has_in_a_form_which_the_formulas_have_not_are_not_compared_and_said(wrong):
+    """The rest of them is: a plane elsewhere is seen."""
+    scene = plate_on_a_crank(ElsewherePlate if wrong else PlateOfOneForm)
+    record = check(scene, ["exudyn"])
+    said = [str(refusal) for refusal in record.refusals if refusal.name == "P"]
+
+    assert len(said) == 1
+    assert "its rows are in the form 'dot', which the formulas have not" in said[0]
+    assert [d.quantity for d in record.disagreements if d.method == ROWS] == ["residual"] * wrong
+    assert {row.rows for row in record.levels} == {11}  # of 13
+    assert len(check(plate_on_a_crank(), ["exudyn"]).refusals) == 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElsewherePlate(PlateOfOneForm):
+    """Its elements have the plane a millimetre off."""
+
+    def elements(self) -> Iterator[Element]:
+        first, second = super().elements()
+        yield from (first, replace(second, point_i=(0.0, 0.0, 1e-3)))
