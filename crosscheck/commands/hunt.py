@@ -165,7 +165,7 @@ def _cases(kinds: Sequence[str]) -> list[HardCase]:
     known = list(dict.fromkeys(case.case for case in every))
     for kind in kinds:
         if kind not in known:
-            raise UsageError(f"--case: no hard scene is called {kind!r}; there are: {', '.join(known)}")
+            raise UsageError(f"--case: no hard scene is called {kind!r}; there are: {'; '.join(known)}")
     return [case for case in every if not kinds or case.case in kinds]
 
 

@@ -35,7 +35,7 @@ def test_rows_are_printed_as_json(command):
         (("hard", "--engines", f"{ENGINES}:Wrong", "--case", "large offset"), 1, "no finding explains this"),
         (("hard", "--engines", f"{ENGINES}:Refuses", "--case", "far start"), 0, "all: refused"),
         (("hard", "--engines", "nowhere.py:Engine"), 3, "there is no file nowhere.py"),
-        (("hard", "--case", "nothing"), 2, "no hard scene is called 'nothing'; there are: toggle"),
+        (("hard", "--case", "nothing"), 2, "no hard scene is called 'nothing'; there are: toggle; dead centre; "),
         (("hard", "--engines", "nobody"), 2, "no engine is called 'nobody'; there are: closed_form"),
         (("hunt", "--engines", "nobody"), 2, "no engine is called 'nobody'"),
         (("hunt", "--engines", f"{ENGINES}:NoMethods", "--minutes", "0.01"), 2, "a method to compare, got 'none'"),
