@@ -474,7 +474,7 @@ def test_a_line_touches_a_circle_as_far_as_their_places_are_rounded_and_not_fart
         line = LineLocus(Planar(constant(1.0), constant(0.0)), constant(far + side * (0.5 - off)))
         with np.errstate(invalid="ignore"):  # there is no rate where they touch
             meeting = line_and_circle(
-                line, CircleLocus(Planar(constant(far), constant(0.0)), constant(0.5)), arithmetic
+                line, CircleLocus(Planar(constant(far), constant(0.0)), constant(0.25)), arithmetic
             )
 
         assert (meeting.singular.item(), meeting.absent.item()) == (touches, False), off

@@ -23,7 +23,17 @@ from itertools import combinations
 
 import numpy as np
 
-from crosscheck.engines.closed_form.jets import ZERO, Arithmetic, Jet, Mask, Planar, count_turns, midpoint
+from crosscheck.engines.closed_form.jets import (
+    ZERO,
+    Arithmetic,
+    Jet,
+    Mask,
+    Planar,
+    Spin,
+    count_turns,
+    midpoint,
+    spin_between,
+)
 from crosscheck.engines.closed_form.linkage import (
     AngleRow,
     CircleLocus,
@@ -105,17 +115,14 @@ class Assembly:
         i, j = self._group_of(row.body_i), self._group_of(row.body_j)
         if i.family == j.family:
             raise NotDyadic(f"{row.name!r} gives an angle that is already given")
-        cos, sin = row.value.cos_sin()
-        self._move_family(
-            j, i.spin[0] + row.value - j.spin[0], i.spin[1] * Planar(cos, sin) * j.spin[1].conj(), i.family
-        )
+        self._move_family(j, i.spin + Spin(row.value, Planar(*row.value.cos_sin())) - j.spin, i.family)
 
     def _share_node(self) -> bool:
         for g, x in combinations(self.groups, 2):
             common = g.nodes.keys() & x.nodes.keys()
             if g.family == x.family and common:
                 node = min(common)
-                turn = _relative_turn(g, x)
+                turn = (x.spin - g.spin).turn
                 self._absorb(g, x, g.nodes[node] - turn * x.nodes[node])
                 return True
         return False
@@ -126,12 +133,10 @@ class Assembly:
             if len(common) > 1:
                 n, m = common[0], common[1]
                 in_g, in_x = g.nodes[m] - g.nodes[n], x.nodes[m] - x.nodes[n]
-                swung = in_g * in_x.conj()
-                turn = swung.over(in_x.dot(in_x))
-                angle = self._unwrapped(swung.angle(), g, x)
-                spin = (g.spin[0] + angle - x.spin[0], g.spin[1] * turn * x.spin[1].conj())
-                self._move_family(x, *spin, g.family)
-                self._absorb(g, x, g.nodes[n] - turn * x.nodes[n])
+                spin = spin_between(in_x, in_g)
+                angle = self._unwrapped(spin.angle, g, x)
+                self._move_family(x, g.spin + Spin(angle, spin.turn) - x.spin, g.family)
+                self._absorb(g, x, g.nodes[n] - spin.turn * x.nodes[n])
                 return True
         return False
 
@@ -160,17 +165,18 @@ class Assembly:
     def _group_of(self, body: str) -> RigidGroup:
         return next(group for group in self.groups if body in group.bodies)
 
-    def _move_family(self, x: RigidGroup, angle: Jet, turn: Planar, family: int) -> None:
-        """Turn the whole family of x by an angle, and rename it."""
+    def _move_family(self, x: RigidGroup, by: Spin, family: int) -> None:
+        """Turn the whole family of x, and rename it."""
         moved = x.family
         for group in self.groups:
             if group.family == moved:
-                group.spin = (group.spin[0] + angle, turn * group.spin[1])
+                group.spin = group.spin + by
                 group.family = family
 
     def _absorb(self, g: RigidGroup, x: RigidGroup, origin: Planar) -> None:
         """Put x, of g's family, into g with its frame's origin there."""
-        frame = JetPose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
+        spin = x.spin - g.spin
+        frame = JetPose(spin.angle, spin.turn, origin)
         g.bodies.update({name: pose.after(frame) for name, pose in x.bodies.items()})
         g.nodes.update({node: frame.point(local) for node, local in x.nodes.items() if node not in g.nodes})
         self.groups.remove(x)
@@ -178,7 +184,7 @@ class Assembly:
     # rows between two groups of one family, as loci of the origin of x in the frame of g
 
     def _rows(self, g: RigidGroup, x: RigidGroup) -> Iterator[LocusRow]:
-        turn = _relative_turn(g, x)
+        turn = (x.spin - g.spin).turn
         for line in self.linkage.lines:
             locus = _line_locus(line, g, x, turn)
             if locus is not None:
@@ -198,12 +204,13 @@ class Assembly:
         self, g: RigidGroup, x: RigidGroup, a: int, b: int, turn: Planar, by: DistanceRow | RigidGroup
     ) -> LocusRow:
         if isinstance(by, DistanceRow):
-            radius, name = by.value, by.name
+            square, name = by.value * by.value, by.name
         else:
-            radius, name = (by.nodes[b] - by.nodes[a]).length(), "link " + ", ".join(by.bodies)
+            link = by.nodes[b] - by.nodes[a]
+            square, name = link.dot(link), "link " + ", ".join(by.bodies)
         ends = self._estimate(a), self._estimate(b)
         gradient = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
-        return LocusRow(CircleLocus(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
+        return LocusRow(CircleLocus(g.nodes[a] - turn * x.nodes[b], square), gradient, name)
 
     def _meeting_point(self, g: RigidGroup, rows: Sequence[LocusRow], what: str) -> Planar:
         one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, CircleLocus))
@@ -295,10 +302,6 @@ class Assembly:
             return angle
         whole = self.arithmetic.row(tuple(2.0 * turns)) * self.arithmetic.pi()
         return Jet(angle.v + whole, angle.d, angle.a)
-
-
-def _relative_turn(g: RigidGroup, x: RigidGroup) -> Planar:
-    return g.spin[1].conj() * x.spin[1]
 
 
 def _line_locus(line: LineRow, g: RigidGroup, x: RigidGroup, turn: Planar) -> LineLocus | None:

@@ -169,10 +169,7 @@ class Jet:
 
     def cos_sin(self) -> tuple[Jet, Jet]:
         """Return cosine and sine."""
-        c, s = np.cos(self.v), np.sin(self.v)
-        cd, sd = _neg(_mul(s, self.d)), _mul(c, self.d)
-        ca = _neg(_add(_mul(s, self.a), _mul(sd, self.d)))
-        return Jet(c, cd, ca), Jet(s, sd, _add(_mul(c, self.a), _mul(cd, self.d)))
+        return _circling(np.cos(self.v), np.sin(self.v), self.d, self.a)
 
 
 ZERO, ONE = Jet(0), Jet(1.0)
@@ -225,13 +222,66 @@ class Planar:
         """Return the length."""
         return self.dot(self).sqrt()
 
-    def angle(self) -> Jet:
-        """Return the angle in (-pi, pi]: theta' = (x y' - y x') / (x^2 + y^2)."""
-        x, y = self.x, self.y
-        square = self.dot(self)
-        d = _div(_sub(_mul(x.v, y.d), _mul(y.v, x.d)), square.v)
-        swept = _sub(_mul(x.v, y.a), _mul(y.v, x.a))
-        return Jet(atan2(y.v, x.v), d, _div(_sub(swept, _mul(d, square.d)), square.v))
+    def still(self) -> Planar:
+        """Return the vector without its derivatives."""
+        return Planar(*(c if type(c.d) is int and type(c.a) is int else Jet(c.v) for c in (self.x, self.y)))
+
+    def part(self, part: str) -> Planar:
+        """Return its values "v", rates "d" or accelerations "a", as a vector that has no derivatives."""
+        return Planar(Jet(getattr(self.x, part)), Jet(getattr(self.y, part)))
+
+    def with_part(self, part: str, values: Planar) -> Planar:
+        """Return the vector with these rates "d" or accelerations "a"."""
+        both = ((self.x, values.x), (self.y, values.y))
+        return Planar(*(Jet(of.v, new.v) if part == "d" else Jet(of.v, of.d, new.v) for of, new in both))
+
+    def times(self, factor: Number) -> Planar:
+        """Return the vector multiplied by a constant."""
+        return Planar(self.x.times(factor), self.y.times(factor))
+
+
+class Spin:
+    """A rotation of the plane: its angle, and the unit vector `turn`, whose derivatives are those of that angle.
+
+    Its two components by themselves are one rotation's only to rounding of fast turns, which long slow arms would feel.
+    """
+
+    __slots__ = ("angle", "turn")
+
+    def __init__(self, angle: Jet, turn: Planar) -> None:
+        still = type(angle.d) is int and type(angle.a) is int
+        self.angle = angle
+        self.turn = turn.still() if still else Planar(*_circling(turn.x.v, turn.y.v, angle.d, angle.a))
+
+    def __add__(self, other: Spin) -> Spin:
+        return Spin(self.angle + other.angle, self.turn.still() * other.turn.still())
+
+    def __sub__(self, other: Spin) -> Spin:
+        return Spin(self.angle - other.angle, self.turn.still() * other.turn.still().conj())
+
+
+def spin_between(arm: Planar, other: Planar) -> Spin:
+    """Return the rotation e, by an angle in (-pi, pi], that turns a vector a into another b as long.
+
+    From e a = b follow i theta' b = b' - e a' and i theta'' b = b'' - e (a'' + 2 i theta' a') + theta'^2 b: what is
+    fast in both is subtracted before a short arm divides it.
+    """
+    swung = other.still() * arm.still().conj()
+    turn, square = swung.over(swung.length()), other.dot(other).v
+    towards = other.still()
+    rate = towards.cross(other.part("d") - turn * arm.part("d")).v / square
+    coriolis = arm.part("d").perp().times(rate + rate)
+    bend = towards.cross(other.part("a") - turn * (arm.part("a") + coriolis)).v / square
+    return Spin(Jet(atan2(swung.y.v, swung.x.v), rate, bend), turn)
+
+
+def _circling(cos: Number, sin: Number, rate: Number, bend: Number) -> tuple[Jet, Jet]:
+    """Return a cosine and a sine whose angle has these derivatives."""
+    square = _mul(rate, rate)
+    return (
+        Jet(cos, _neg(_mul(sin, rate)), _neg(_add(_mul(sin, bend), _mul(cos, square)))),
+        Jet(sin, _mul(cos, rate), _sub(_mul(cos, bend), _mul(sin, square))),
+    )
 
 
 def on_circle(cos: Jet, sin: Jet) -> tuple[Jet, Jet]:
@@ -240,11 +290,8 @@ def on_circle(cos: Jet, sin: Jet) -> tuple[Jet, Jet]:
     Each by itself they are only so to rounding of a fast turn's acceleration, which a slow direction would feel.
     """
     rate = _sub(_mul(cos.v, sin.d), _mul(sin.v, cos.d))
-    bend, square = _sub(_mul(cos.v, sin.a), _mul(sin.v, cos.a)), _mul(rate, rate)
-    return (
-        Jet(cos.v, _neg(_mul(sin.v, rate)), _neg(_add(_mul(sin.v, bend), _mul(cos.v, square)))),
-        Jet(sin.v, _mul(cos.v, rate), _add(_mul(cos.v, bend), _neg(_mul(sin.v, square)))),
-    )
+    bend = _sub(_mul(cos.v, sin.a), _mul(sin.v, cos.a))
+    return _circling(cos.v, sin.v, rate, bend)
 
 
 def count_turns(t: np.ndarray, value: np.ndarray, rate: np.ndarray, start: float | None) -> tuple[np.ndarray, Mask]:

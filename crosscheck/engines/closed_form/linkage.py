@@ -16,11 +16,13 @@ cannot change along a motion away from a singular pose.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
-from crosscheck.engines.closed_form.jets import ONE, ZERO, Arithmetic, Jet, Mask, Number, Planar
+from crosscheck.engines.closed_form.jets import ONE, ZERO, Arithmetic, Jet, Mask, Number, Planar, Spin
 from crosscheck.engines.closed_form.laws import law_jet
 from refkin import joints
 from refkin.model import Scene
@@ -36,13 +38,19 @@ class LineLocus:
 
 @dataclass(frozen=True)
 class CircleLocus:
-    """|p - centre| = radius."""
+    """|p - centre|^2 = square: a square keeps the digits of its derivatives where the radius is short."""
 
     centre: Planar
-    radius: Jet
+    square: Jet
+
+    def gap(self, point: Planar) -> Jet:
+        """Return half of what the square of a point's distance is too large."""
+        arm = point - self.centre
+        return (arm.dot(arm) - self.square).times(0.5)
 
 
 Locus = LineLocus | CircleLocus
+Rows = Callable[[Planar], tuple[Jet, Jet, Number]]
 
 
 @dataclass(frozen=True)
@@ -60,19 +68,23 @@ class Slack:
 
 @dataclass(frozen=True)
 class Intersection:
-    """The meeting points foot + sign * chord; sign of g_1 x g_2. Without a chord there is one point."""
+    """The meeting points foot + sign * chord; sign of g_1 x g_2. Without a chord there is one point.
+
+    Foot and chord are values; `moving` returns the point at the given end of the chord with its derivatives.
+    """
 
     foot: Planar
     chord: Planar | None
     absent: Mask
     singular: Mask
     slacks: tuple[Slack, ...]
+    moving: Callable[[Planar], Planar] = Planar.still
 
     def point(self, sign: float) -> Planar:
         """Return the meeting point of the given orientation, +1 or -1."""
         if self.chord is None:
             return self.foot
-        return self.foot + self.chord if sign > 0 else self.foot - self.chord
+        return self.moving(self.chord if sign > 0 else Planar(ZERO, ZERO) - self.chord)
 
 
 def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Intersection:
@@ -109,14 +121,20 @@ def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic
     line, circle : LineLocus, CircleLocus
     arithmetic : Arithmetic
     """
-    d = line.level - line.normal.dot(circle.centre)
-    slack = circle.radius - _magnitude(d)
-    scale = circle.radius.v + abs(line.level.v) + _reach(circle.centre)
+    d, radius = line.level - line.normal.dot(circle.centre), circle.square.sqrt()
+    slack = radius - _magnitude(d)
+    scale = radius.v + abs(line.level.v) + _reach(circle.centre)
     slacks = (Slack(slack.v, slack.d, scale, "radius - distance of the line"),)
     absent, singular = _judge(slacks, arithmetic)
-    h = _root((circle.radius - d) * (circle.radius + d), singular, arithmetic)
-    foot = circle.centre + line.normal.scaled(d)
-    return Intersection(foot, line.normal.perp().scaled(h), absent, singular, slacks)
+    h = _root((radius.v - d.v) * (radius.v + d.v), singular, arithmetic)
+    seen = CircleLocus(Planar(ZERO, ZERO), circle.square)
+    normal, foot = line.normal.still(), line.normal.still().times(d.v)
+
+    def rows(arm: Planar) -> tuple[Jet, Jet, Number]:
+        return line.normal.dot(arm) - d, seen.gap(arm), d.v
+
+    moving = partial(_moving, circle.centre, foot, normal, rows)
+    return Intersection(circle.centre.still() + foot, normal.perp().times(h), absent, singular, slacks, moving)
 
 
 def _circles(one: CircleLocus, two: CircleLocus, arithmetic: Arithmetic) -> Intersection:
@@ -125,20 +143,53 @@ def _circles(one: CircleLocus, two: CircleLocus, arithmetic: Arithmetic) -> Inte
     x = (D^2 + (a - b)(a + b)) / (2 D), h = sqrt((a+b-D)(a+b+D)(D+a-b)(D-a+b)) / (2 D) (Heron, factored so that neither
     end of the range cancels); (p - c_1) x (p - c_2) = s h D.
     """
-    a, b = one.radius, two.radius
+    a, b = one.square.sqrt(), two.square.sqrt()
     span = two.centre - one.centre
     distance = span.length()
-    e = span.over(distance)
-    total, difference = a + b, a - b
-    scale = total.v + distance.v + _reach(one.centre) + _reach(two.centre)
-    outer, inner = total - distance, distance - _magnitude(difference)
+    outer, inner = a + b - distance, distance - _magnitude(a - b)
+    scale = a.v + b.v + distance.v + _reach(one.centre) + _reach(two.centre)
     slacks = (Slack(outer.v, outer.d, scale, "(a + b) - D"), Slack(inner.v, inner.d, scale, "D - |a - b|"))
     absent, singular = _judge(slacks, arithmetic)
-    heron = (total - distance) * (total + distance) * (distance + difference) * (distance - difference)
-    twice = distance + distance
-    x = (distance * distance + difference * total) / twice
-    h = _root(heron, singular, arithmetic) / twice
-    return Intersection(one.centre + e.scaled(x), e.perp().scaled(h), absent, singular, slacks)
+    total, difference, long = a.v + b.v, a.v - b.v, distance.v
+    heron = (total - long) * (total + long) * (long + difference) * (long - difference)
+    x = (long * long + difference * total) / (long + long)
+    h = _root(heron, singular, arithmetic) / (long + long)
+    e = span.still().over(Jet(long))
+    foot, first = e.times(x), np.asarray(a.v <= b.v, bool)
+    seen, other = CircleLocus(Planar(ZERO, ZERO), one.square), CircleLocus(span, two.square)
+
+    def rows(arm: Planar) -> tuple[Jet, Jet, Number]:
+        near, far = seen.gap(arm), other.gap(arm)
+        own = Jet(*(np.where(first, getattr(near, part), getattr(far, part)) for part in "vda"))
+        return (near - far) / Jet(long), own, np.where(first, x, x - long)
+
+    moving = partial(_moving, one.centre, foot, e, rows)
+    return Intersection(one.centre.still() + foot, e.perp().times(h), absent, singular, slacks, moving)
+
+
+def _moving(centre: Planar, foot: Planar, e: Planar, rows: Rows, chord: Planar) -> Planar:
+    """Return centre + foot + chord with its derivatives: those that keep two rows zero, found one after the other.
+
+    A row is linear in the highest derivative. So what it says where that one is left out is what it must make up for:
+    along the unit vector e to the first row; along the chord, then, to the second, whose gradient is `reach` e + chord.
+    Each row is so kept to the rounding of its own terms, and with it what does not feel a short chord. The derivatives
+    of the chord's root would be lost by the cube of its shortness in all that is built on it.
+
+    Parameters
+    ----------
+    centre : Planar
+    foot, e, chord : Planar
+        Values, the foot seen from the centre.
+    rows : callable
+        The point seen from the centre -> the row along e, the second row, `reach`.
+    """
+    arm, square = foot + chord, chord.dot(chord).v
+    for part in "da":
+        row, own, reach = rows(arm)
+        along = -getattr(row, part)
+        across = -(getattr(own, part) + reach * along) / square
+        arm = arm.with_part(part, e.times(along) + chord.times(across))
+    return centre + arm
 
 
 def _magnitude(x: Jet) -> Jet:
@@ -157,9 +208,8 @@ def _judge(slacks: tuple[Slack, ...], arithmetic: Arithmetic) -> tuple[Mask, Mas
     return absent, np.logical_or.reduce([zero for _, zero in signs]) & ~absent
 
 
-def _root(square: Jet, zero: Mask, arithmetic: Arithmetic) -> Jet:
-    clipped = arithmetic.clipped(square.v, zero) if np.any(zero) else square.v
-    return Jet(clipped, square.d, square.a).sqrt()
+def _root(square: Number, zero: Mask, arithmetic: Arithmetic) -> Number:
+    return np.sqrt(arithmetic.clipped(square, zero) if np.any(zero) else square)
 
 
 Place = tuple[str, joints.Pair]
@@ -212,21 +262,22 @@ class JetPose:
 
     def after(self, outer: JetPose) -> JetPose:
         """Return this frame in the frame in which `outer` is given."""
-        return JetPose(outer.angle + self.angle, outer.turn * self.turn, outer.point(self.origin))
+        spin = Spin(outer.angle, outer.turn) + Spin(self.angle, self.turn)
+        return JetPose(spin.angle, spin.turn, outer.point(self.origin))
 
 
 @dataclass(eq=False)
 class RigidGroup:
     """Bodies whose poses in one frame are known, with the nodes they hold, in that frame.
 
-    `family` numbers the groups whose angles against each other are known; `spin` is the angle in the family and the
-    rotation by it.
+    `family` numbers the groups whose angles against each other are known; `spin` is the rotation in the
+    family.
     """
 
     bodies: dict[str, JetPose]
     nodes: dict[int, Planar]
     family: int
-    spin: tuple[Jet, Planar]
+    spin: Spin
 
 
 @dataclass
@@ -251,7 +302,7 @@ def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     for name in (joints.GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
         still = JetPose(ZERO, Planar(ONE, ZERO), Planar(ZERO, ZERO))
-        linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (ZERO, still.turn)))
+        linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), Spin(ZERO, still.turn)))
     for element in joints.elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage
