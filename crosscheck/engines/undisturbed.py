@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import ctypes
 import math
 import os
 import sys
@@ -10,43 +11,78 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 SHARED = (builtins, math, sys, time, np, np.linalg)
-"""Modules that all use who come after an engine: a name that it binds anew is bound as before; what it adds stays."""
+"""Modules that all use who come after an engine: a name that it binds anew is bound as before; what it adds stays. So
+are the names of the reference's own modules."""
+REFERENCE = "refkin"
+MATHEMATICS = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+FLOATING = 256
+"""Bytes, more than enough for C's `fenv_t`: how numbers are rounded, and whether the smallest are flushed to zero."""
 STREAMS = {"stdout": 1, "stderr": 2}
 """Names of `sys` -> the file that a process prints to."""
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Give back the folder, and how numbers beyond all bounds and warnings are told: so much may be timed."""
-    folder = os.getcwd()
+    """Give back the folder, how numbers are rounded, how such beyond all bounds and warnings are told.
+
+    So much may be timed.
+    """
+    folder, floating = os.getcwd(), ctypes.create_string_buffer(FLOATING)
+    MATHEMATICS.fegetenv(floating)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         try:
             yield
         finally:
+            MATHEMATICS.fesetenv(floating)
             os.chdir(folder)
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Give back what `quiet` does, the environment, the streams, and the names of `SHARED` modules."""
-    environment, names = dict(os.environ), [vars(module).copy() for module in SHARED]
+    """Give back what `quiet` does, the environment, the streams, and the names of modules that others use."""
+    environment = _environment().copy()
+    names = _names(len(sys.modules))
+    bound = [now.copy() for now in names]
     files = {name: _kept(file) for name, file in STREAMS.items()}
     try:
         with quiet():
             yield
     finally:
-        for module, before in zip(SHARED, names, strict=True):
-            vars(module).update(before)
+        if not _same(names, bound):
+            for now, before in zip(names, bound, strict=True):
+                now.update(before)
         for name, kept in files.items():
             if kept is not None:
                 _reopen(name, kept)
-        if os.environ != environment:
+        if _environment() != environment:
             os.environ.clear()
-            os.environ.update(environment)
+            os.environ.update({os.fsdecode(key): os.fsdecode(value) for key, value in environment.items()})
+
+
+def _environment() -> dict[Any, Any]:
+    """Return the environment as it is kept: to read it name by name takes as long as all else here."""
+    kept: dict[Any, Any] = vars(os.environ)["_data"]
+    return kept
+
+
+@lru_cache(maxsize=1)
+def _names(loaded: int) -> list[dict[str, Any]]:
+    """Return the names of the modules that others use, of which there may be more where more are loaded."""
+    own = [module for name, module in sys.modules.items() if name.partition(".")[0] == REFERENCE]
+    return [vars(module) for module in (*SHARED, *own)]
+
+
+def _same(names: list[dict[str, Any]], bound: list[dict[str, Any]]) -> bool:
+    try:
+        return names == bound
+    except Exception:  # an array that is another has no one truth
+        return False
 
 
 def _kept(file: int) -> int | None:

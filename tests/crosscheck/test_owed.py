@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import platform
 import sys
 import types
 import warnings
@@ -259,6 +261,34 @@ def test_an_engine_that_changes_what_is_not_its_own_is_named_alone(engine, is_as
     assert said == {(engine.name, "changed the scene that it was given")}
     assert scene == before
     assert (np.geterr()["divide"] != "raise", Path.cwd(), warnings.filters) == (True, folder, heard)
+
+
+class Rounding(Wrapped):
+    """It leaves numbers rounded upward."""
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        ctypes.CDLL(None).fesetround({"x86_64": 0x800, "aarch64": 0x400000}[platform.machine()])
+        return motion
+
+
+class Rebinding(Wrapped):
+    """It binds a name of the reference's modules to what has no truth."""
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        refkin.system.compile_system = np.ones(2)
+        return motion
+
+
+@pytest.mark.parametrize("engine", [Rounding, Rebinding])
+def test_an_engine_that_rounds_or_binds_names_of_the_reference_in_its_own_way_changes_no_other(engine):
+    bound = refkin.system.compile_system
+    said = check(SCENE, [engine(), "exudyn"]).disagreements
+
+    assert said == []
+    assert refkin.system.compile_system is bound
+    assert np.add(1.0, 2.0**-60) == 1.0
 
 
 def test_an_answer_in_another_order_that_has_no_shape_is_one_that_depends_on_the_order():
