@@ -18,16 +18,20 @@ from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLocus, line_and_circle
 from crosscheck.engines.closed_form.solution import PART, _gaps, _lost_after, _moves
+from crosscheck.judge.comparison import compare, reference
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
+from tests.claims import U
 from tests.drawn import Drawing
 
 from .closed_form_scenes import in_balls
 from .loop_closures import Carried
 
+CORPUS = Path(__file__).parents[1] / "corpus"
 LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
 LAW = Polynomial(coefficients=(0.3, 1.0))
 
@@ -358,6 +362,15 @@ def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():
     assert motion.verdict is Status.SINGULAR
     assert motion["rocker"].phi == pytest.approx(math.pi, abs=1e-7)
     assert np.isnan(motion.qd).all()
+
+
+def test_what_does_not_feel_a_short_chord_keeps_its_digits():
+    """A chord's rates err by 1 / chord^3; along the span of the two circles nothing of that is to be left."""
+    scene = load(CORPUS / "closed-form-beside-a-change-point.toml")
+    motion, exact = ClosedForm().solve(scene), in_balls(scene).motion
+
+    assert np.abs(motion["crank"].qdd[0] - exact["crank"].qdd[0]).max() < 16 * U  # of accelerations of about 1
+    assert compare(reference(scene), motion, ClosedForm().terms(scene)).agrees
 
 
 def test_scenes_scale_with_powers_of_two_bit_by_bit():

@@ -63,27 +63,26 @@ OPEN = 1e-6
 """Closure of the loops, relative to the scaled coordinates, above which floats show a fault of this program."""
 
 
-JETS = (
-    Term(
-        name="chords",
-        level="position",
-        reason="an area by its four factors, a root and an arctangent stand for each residual: three times its "
-        "roundings; "
-        "and a frame is placed from either end of its chain, each arm up to one size",
-        relative=2.0,
-        absolute=8.0 * 2.0**-53,
-    ),
-    *(
-        Term(
-            name="jets",
-            level=level,
-            reason="chord, root, quotient and arctangent of second-order jets: four steps of four products "
-            "of up to four terms each",
-            relative=64.0 * 2.0**-53,
-        )
-        for level in ("velocity", "acceleration")
-    ),
+CHORDS = Term(
+    name="chords",
+    level="position",
+    reason="an area by its four factors, a root and an arctangent stand for each residual: three times its "
+    "roundings; "
+    "and a frame is placed from either end of its chain, each arm up to one size",
+    relative=2.0,
+    absolute=8.0 * 2.0**-53,
 )
+JETS = tuple(
+    Term(
+        name="jets",
+        level=level,
+        reason="root, quotient and arctangent of second-order jets: four steps of four products of up to four terms "
+        "each",
+        relative=64.0 * 2.0**-53,
+    )
+    for level in ("velocity", "acceleration")
+)
+"""In space. In the plane rates keep each row to the rounding of its own terms (`linkage`), as all are allowed to."""
 
 
 def _frames(scene: Scene) -> Term:
@@ -114,8 +113,8 @@ class ClosedForm(Adapter):
     solving, table = (ROUTE,), CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of the jets that carry rates through the closed form, and of frames in space."""
-        return (*JETS, _frames(scene)) if in_space(scene.mechanism) else JETS
+        """Return the rounding of positions, and in space of frames and of the jets that carry rates through roots."""
+        return (CHORDS, *JETS, _frames(scene)) if in_space(scene.mechanism) else (CHORDS,)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of a scene.
