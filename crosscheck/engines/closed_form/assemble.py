@@ -135,7 +135,7 @@ class Assembly:
                 in_g, in_x = g.nodes[m] - g.nodes[n], x.nodes[m] - x.nodes[n]
                 spin = spin_between(in_x, in_g)
                 angle = self._unwrapped(spin.angle, g, x)
-                self._move_family(x, g.spin + Spin(angle, spin.turn) - x.spin, g.family)
+                self._move_family(x, g.spin + Spin(angle, spin.unit) - x.spin, g.family)
                 self._absorb(g, x, g.nodes[n] - spin.turn * x.nodes[n])
                 return True
         return False

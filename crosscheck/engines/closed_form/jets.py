@@ -7,6 +7,8 @@ is written anywhere (Griewank and Walther, Evaluating Derivatives, chapter 13, f
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -240,24 +242,28 @@ class Planar:
         return Planar(self.x.times(factor), self.y.times(factor))
 
 
+@dataclass(frozen=True)
 class Spin:
-    """A rotation of the plane: its angle, and the unit vector `turn`, whose derivatives are those of that angle.
+    """A rotation of the plane: its angle, and the unit vector at that angle, of which only the value is taken.
 
-    Its two components by themselves are one rotation's only to rounding of fast turns, which long slow arms would feel.
+    Two components by themselves are one rotation's only to rounding of fast turns, which long slow arms would feel.
     """
 
-    __slots__ = ("angle", "turn")
+    angle: Jet
+    unit: Planar
 
-    def __init__(self, angle: Jet, turn: Planar) -> None:
-        still = type(angle.d) is int and type(angle.a) is int
-        self.angle = angle
-        self.turn = turn.still() if still else Planar(*_circling(turn.x.v, turn.y.v, angle.d, angle.a))
+    @cached_property
+    def turn(self) -> Planar:
+        """The unit vector, with the derivatives that those of the angle make."""
+        d, a = self.angle.d, self.angle.a
+        still = type(d) is int and type(a) is int
+        return self.unit if still else Planar(*_circling(self.unit.x.v, self.unit.y.v, d, a))
 
     def __add__(self, other: Spin) -> Spin:
-        return Spin(self.angle + other.angle, self.turn.still() * other.turn.still())
+        return Spin(self.angle + other.angle, self.unit.still() * other.unit.still())
 
     def __sub__(self, other: Spin) -> Spin:
-        return Spin(self.angle - other.angle, self.turn.still() * other.turn.still().conj())
+        return Spin(self.angle - other.angle, self.unit.still() * other.unit.still().conj())
 
 
 def spin_between(arm: Planar, other: Planar) -> Spin:

@@ -50,7 +50,7 @@ class CircleLocus:
 
 
 Locus = LineLocus | CircleLocus
-Rows = Callable[[Planar], tuple[Jet, Jet, Number]]
+Rows = Callable[[Planar, str], tuple[Number, Number, Number]]
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,8 @@ def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic
     seen = CircleLocus(Planar(ZERO, ZERO), circle.square)
     normal, foot = line.normal.still(), line.normal.still().times(d.v)
 
-    def rows(arm: Planar) -> tuple[Jet, Jet, Number]:
-        return line.normal.dot(arm) - d, seen.gap(arm), d.v
+    def rows(arm: Planar, part: str) -> tuple[Number, Number, Number]:
+        return getattr(line.normal.dot(arm) - d, part), getattr(seen.gap(arm), part), d.v
 
     moving = partial(_moving, circle.centre, foot, normal, rows)
     return Intersection(circle.centre.still() + foot, normal.perp().times(h), absent, singular, slacks, moving)
@@ -155,13 +155,12 @@ def _circles(one: CircleLocus, two: CircleLocus, arithmetic: Arithmetic) -> Inte
     x = (long * long + difference * total) / (long + long)
     h = _root(heron, singular, arithmetic) / (long + long)
     e = span.still().over(Jet(long))
-    foot, first = e.times(x), np.asarray(a.v <= b.v, bool)
+    foot, shorter = e.times(x), np.asarray(a.v <= b.v, bool)
     seen, other = CircleLocus(Planar(ZERO, ZERO), one.square), CircleLocus(span, two.square)
 
-    def rows(arm: Planar) -> tuple[Jet, Jet, Number]:
-        near, far = seen.gap(arm), other.gap(arm)
-        own = Jet(*(np.where(first, getattr(near, part), getattr(far, part)) for part in "vda"))
-        return (near - far) / Jet(long), own, np.where(first, x, x - long)
+    def rows(arm: Planar, part: str) -> tuple[Number, Number, Number]:
+        near, far = (getattr(circle.gap(arm), part) for circle in (seen, other))
+        return (near - far) / long, np.where(shorter, near, far), np.where(shorter, x, x - long)
 
     moving = partial(_moving, one.centre, foot, e, rows)
     return Intersection(one.centre.still() + foot, e.perp().times(h), absent, singular, slacks, moving)
@@ -181,14 +180,13 @@ def _moving(centre: Planar, foot: Planar, e: Planar, rows: Rows, chord: Planar) 
     foot, e, chord : Planar
         Values, the foot seen from the centre.
     rows : callable
-        The point seen from the centre -> the row along e, the second row, `reach`.
+        The point seen from the centre, "d" or "a" -> this of the row along e and of the second row, and `reach`.
     """
     arm, square = foot + chord, chord.dot(chord).v
     for part in "da":
-        row, own, reach = rows(arm)
-        along = -getattr(row, part)
-        across = -(getattr(own, part) + reach * along) / square
-        arm = arm.with_part(part, e.times(along) + chord.times(across))
+        row, own, reach = rows(arm, part)
+        across = (reach * row - own) / square
+        arm = arm.with_part(part, chord.times(across) - e.times(row))
     return centre + arm
 
 
@@ -262,7 +260,7 @@ class JetPose:
 
     def after(self, outer: JetPose) -> JetPose:
         """Return this frame in the frame in which `outer` is given."""
-        spin = Spin(outer.angle, outer.turn) + Spin(self.angle, self.turn)
+        spin = Spin(outer.angle + self.angle, outer.turn.still() * self.turn.still())
         return JetPose(spin.angle, spin.turn, outer.point(self.origin))
 
 
