@@ -13,7 +13,10 @@ from crosscheck.engines import Level
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Driven, Plan
 from crosscheck.engines.mujoco.rows import MujocoRows
+from crosscheck.engines.tree.joint_tree import joint_tree
 from refkin.joints import (
+    Distance,
+    Fixed,
     Revolute,
 )
 from refkin.model import Body, Mechanism, Scene
@@ -79,6 +82,23 @@ def test_the_declared_term_of_the_drift_is_needed() -> None:
     arms = 2.0 * math.sqrt(2.0) * 1e-6  # omega^2 r of both arms: what the formula itself adds
 
     assert worst > 20.0 * U * arms
+
+
+def test_lengths_have_their_drift_where_mujoco_leaves_out_one_that_no_joint_can_move() -> None:
+    """A lever of 1 at 0 rad, turning; its end is held from (2, 1), and from where it is: there it has no direction."""
+    omega, at_ends = 1.5, [("plate", (2.0, 1.0)), ("lever", (2.0, 1.0)), ("lever", (1.0, 0.0))]
+    lengths = (
+        Distance(name=f"{k}", body_i="ground", point_i=at, body_j=body, point_j=(1.0, 0.0), length=1.0)
+        for k, (body, at) in enumerate(at_ends)
+    )
+    ends = {"body_i": "ground", "point_i": (0.0, 0.0), "point_j": (0.0, 0.0)}
+    joints = (Fixed(name="base", body_j="plate", **ends), Revolute(name="pivot", body_j="lever", **ends), *lengths)
+    tree = joint_tree(Mechanism((Body(name="plate"), Body(name="lever")), joints))
+    rate, drift = MujocoRows(Plan(tree, tree.closures)).rates(np.zeros((1, 1)), np.full((1, 1), omega))[:2]
+    length = math.sqrt(2.0)
+
+    assert tree.size * rate[0] == pytest.approx([0.0, -omega / length, 0.0], abs=16 * U)
+    assert tree.size * drift[0] == pytest.approx([0.0, -1.5 * omega**2 / length, math.nan], abs=64 * U, nan_ok=True)
 
 
 # ---- planted faults: the checks above must turn red

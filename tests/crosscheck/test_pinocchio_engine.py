@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from crosscheck.engines import EngineRefusal
 from crosscheck.engines.pinocchio import engine as pinocchio_engine
 from crosscheck.engines.pinocchio import model as pinocchio_model
 from crosscheck.engines.pinocchio import rows as pinocchio_rows
 from crosscheck.engines.pinocchio.engine import Pinocchio
 from crosscheck.engines.pinocchio.model import PlanarModel
 from crosscheck.engines.pinocchio.rows import PointToLine, Rows, TwoPoints
+from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN
+from crosscheck.judge.comparison import compare, reference
 from refkin.joints import (
     Prismatic,
+    XDriver,
+    YDriver,
 )
 from refkin.model import Body, Mechanism, Scene
+from refkin.motion import Status
+from refkin.motion_laws import Polynomial
 
+from .exact_linkages import four_bar, slider_crank
 from .loose_rows import KINDS, ROWS, disagreement, loose_scene
 
 EPS = float(np.finfo(float).eps)
@@ -45,6 +54,42 @@ def test_a_residual_angle_is_exact_near_a_half_turn(beyond: float) -> None:
     """Where Pinocchio's own log6 is right to 1e-11 only."""
     for angle in (math.pi - beyond, math.pi + beyond):
         assert slide(0.0).residual(np.array([0.0] * 5 + [angle]), 0.0)[1] == pytest.approx(angle, abs=2 * EPS)
+
+
+def driven_slide(driver: type[XDriver] | type[YDriver], angle: float) -> Scene:
+    """Return a slider-crank that a coordinate of a point of the slider drives; its guide comes first: the origin."""
+    case = slider_crank(0.3, angle)
+    x, y, phi = case.rows["slider"][0][:, 0]
+    at = complex(x, y) + np.exp(1j * phi) * (0.2 + 0.1j)
+    law = Polynomial(coefficients=(0.01 + (at.real if driver is XDriver else at.imag), -0.1))
+    motor = driver(name="motor", body="slider", point=(0.2, 0.1), law=law)
+    mechanism = replace(case.scene.mechanism, joints=case.scene.mechanism.joints[::-1], drivers=(motor,))
+    return replace(case.scene, mechanism=mechanism)
+
+
+INPUTS = {
+    "a crank": four_bar().scene,
+    "x of a slide": driven_slide(XDriver, 0.5 * math.pi),
+    "y of a slide": driven_slide(YDriver, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_the_shipped_example_holds_the_input_where_the_law_has_it(name: str) -> None:
+    scene = replace(INPUTS[name], times=INPUTS[name].times[:3])
+    motion = Pinocchio().solve(scene, CLOSED_CHAIN)
+    compared = compare(reference(scene), motion, Pinocchio().terms(scene, CLOSED_CHAIN))
+
+    assert set(motion.status) == {Status.OK}
+    assert not compared.other_assembly
+    assert np.max(compared.quantities["position"].ratio) < 1.0
+
+
+def test_the_shipped_example_holds_no_body_that_hangs_on_another() -> None:
+    scene = four_bar().scene
+    driver = replace(scene.mechanism.drivers[0], body="coupler")
+    with pytest.raises(EngineRefusal, match=r"angle by a law of 'motor'.* by which a body hangs on the ground"):
+        Pinocchio().solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))), CLOSED_CHAIN)
 
 
 # ---- planted faults: each replaces a piece of the adapter, and must not go unseen

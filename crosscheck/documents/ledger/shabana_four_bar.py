@@ -117,19 +117,15 @@ def d12(n: Arithmetic, given: Given) -> Values:
         "omega at q1": early[1][0],
         "Q_d at q1": early[1][1],
         "alpha at q1": early[1][2],
-        "digits of q2, qd, qdd": _fewest(n, (history.iterates[2], *early[2][::2]), (q, qd, qdd)),
-        "digits of q3, qd, qdd": _fewest(n, (history.iterates[3], *early[3][::2]), (q, qd, qdd)),
+        "digits of q2, qd, qdd": _digits((history.iterates[2], *early[2][::2]), (q, qd, qdd)),
+        "digits of q3, qd, qdd": _digits((history.iterates[3], *early[3][::2]), (q, qd, qdd)),
     }
 
 
-def _fewest(n: Arithmetic, levels: Any, truth: Any) -> int:
-    """Return the whole number of correct digits that the worst of some vectors has."""
-    worst = max(
-        float(abs(a - b) / abs(b))
-        for x, y in zip(levels, truth, strict=True)
-        for a, b in zip(x[1:], y[1:], strict=True)
-    )
-    return math.floor(-math.log10(worst))
+def _digits(levels: Any, truth: Any) -> list[int]:
+    """Return the whole numbers of correct digits of some vectors, each that of its worst component but the first."""
+    pairs = (zip(x[1:], y[1:], strict=True) for x, y in zip(levels, truth, strict=True))
+    return [math.floor(-math.log10(max(float(abs(a - b) / abs(b)) for a, b in pair))) for pair in pairs]
 
 
 def refkin_d12(n: Binary64, given: Given) -> Values:

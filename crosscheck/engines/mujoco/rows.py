@@ -354,4 +354,6 @@ class MujocoRows:
         return -float(gradient @ self._bias) / square / HEAVY
 
     def _dense(self) -> Any:
-        return np.reshape(self.data.efc_J, (self.data.nefc, self.model.nv))
+        """Return the Jacobian of the rows that there are; a tendon of no length is counted, and then left out."""
+        rows, columns = self.data.nefc, self.model.nv
+        return self.data.efc_J[: rows * columns].reshape(rows, columns)

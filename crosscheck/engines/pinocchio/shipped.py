@@ -183,7 +183,7 @@ class _Held:
     def _coordinate(self, law: float) -> float:
         """Return the joint's coordinate at a value of the law."""
         if self.edge.freedom is Freedom.TURN:
-            return law - self.tree.turned(self.edge)
+            return law  # a pin on the ground has no constant angle
         # A point of a slide moves along the axis: r = r0 + q a, along x or y of the ground.
         assert isinstance(self.element, PointCoordinate)
         k, edge = self.element.axis, self.edge
