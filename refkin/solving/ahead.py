@@ -190,7 +190,6 @@ class Ahead:
         self.sure = np.insert(self.sure, at - 1, False)
         new = at + np.arange(len(t))
         steps = _merged(new - 1, new)
-        self.sure[steps] = False
         if steps.size:
             self._test(steps)
         return bool(steps.size)

@@ -45,6 +45,21 @@ def test_an_estimate_that_is_absent_is_the_first_pose_of_the_reference_rounded()
     assert 0.0 < off[0] < 0.01 * scene.mechanism.size() < 0.2 * off[1]
 
 
+def test_an_estimate_that_is_absent_has_the_digits_that_tell_assemblies_apart():
+    """Near a flat pose they are about sigma_min apart; rounding takes a twentieth of that, in sizes and radians."""
+    scene = FourBar(ground=4.0, crank=1.0, coupler=2.0 + 1e-5, rocker=3.0).scene(samples=3)
+    bodies = tuple(replace(body, estimate=None) for body in scene.mechanism.bodies)
+    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=scene.times[1:2])
+    ref = reference(scene)
+    given = np.concatenate([body.estimate for body in estimated(scene, ref).mechanism.bodies])
+    off = np.max(np.abs(given - ref.motion.q[:, 0]) / np.tile([4.0, 4.0, 1.0], 3))
+
+    assert ref.sigma_min[0] < 0.01
+    assert 1e-3 * ref.sigma_min[0] < off <= 0.05 * ref.sigma_min[0]
+    ref.levels[0][0, 0] = np.nan
+    assert estimated(scene, ref) is scene
+
+
 def test_what_an_engine_says_of_a_scene_without_all_estimates_is_taken_for_a_refusal():
     """Which assembly is meant is left open; with all of them only what is called a refusal is one."""
     whole = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)

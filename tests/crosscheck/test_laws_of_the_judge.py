@@ -405,7 +405,7 @@ def test_a_residual_is_believed_as_a_part_of_the_farthest_coordinate(far, gap, b
 
 def test_half_the_angle_of_a_screw_counts_its_turns():
     frame_i, frame_j = joint_frame((0.3, 2.0, -0.5), (1.0, 0.2, 0.3)), joint_frame((-1.1, 0.2, 0.4), (0.1, 0.3, 2.0))
-    u_i, u_j, pitch, shift = np.array([0.3, -0.2, 0.7]), np.array([-0.4, 0.6, 0.9]), 0.25, 0.4
+    u_i, u_j, pitch, shift = np.array([0.3, -1.2, 0.7]), np.array([-0.4, 0.6, 0.9]), 0.25, 0.4
     ends = {"body_i": "i", "body_j": "j", "u_i": u_i, "u_j": u_j, "frame_i": frame_i, "frame_j": frame_j}
     hold = Hold(name="h", kind=JointKind.SCREW, **ends, pitch=pitch, shift=shift)
     angle = np.array([np.linspace(-20.0, 20.0, 6), *NUMBERS.normal(size=(2, 6))])
@@ -416,8 +416,10 @@ def test_half_the_angle_of_a_screw_counts_its_turns():
     r_i = NUMBERS.normal(size=(6, 3))
     arm = [carried_point(i, u_i + frame_i[:, 2] * (shift + pitch * a))[0][k] for k, a in enumerate(angle[0])]
     r_j = r_i + arm - carried_point(j, u_j)[0]
+    longer = [1.001 * x for x in (j[0], j[1] + 0.3 * j[0], j[2] + 0.6 * j[1] - 0.2 * j[0])]  # no parameters of a turn
     bodies = (
-        [np.concatenate([r, x], axis=1) for r, x in zip((r, r, r), p, strict=True)] for r, p in ((r_i, i), (r_j, j))
+        [np.concatenate([r, x], axis=1) for r, x in zip((r, r + 7.0, r - 7.0), p, strict=True)]
+        for r, p in ((r_i, i), (r_j, longer))
     )
 
     for half, expected in zip(_half_angle(hold, *bodies), angle / 2, strict=True):

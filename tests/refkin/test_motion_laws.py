@@ -98,6 +98,13 @@ def test_a_complex_argument_moves_a_table_along_its_slope():
         assert_near([moved.real, moved.imag / STEP], [law.integral(0.83), law(0.83)], ROUNDING, f"integral of {law}")
 
 
+def test_waves_of_many_scenes_lose_no_digit_where_one_is_at_rest():
+    rows, still = (Sinusoid(amplitude=1.0, angular_frequency=w, phase=0.3) for w in (np.zeros(1), 0.0))
+    t = np.linspace(0.1, 2.0, 200)
+
+    assert rows.integral(t).tolist() == still.integral(t).tolist()
+
+
 def test_a_table_that_is_zero_has_an_integral_there_all_the_same():
     assert Table(argument=(-1.0, 0.0, 1.0), value=(-1.0, 0.0, 1.0)).integral(0.0) == 0.0
 

@@ -55,6 +55,25 @@ def test_parts_are_drawn_where_the_bodies_are(scene, motion):
         assert ends[0][:, 1] == pytest.approx(ends[1][:, 0])
 
 
+def test_a_distance_is_drawn_as_a_link_from_point_to_point(scene):
+    """The coupler of the four-bar without its body."""
+    bodies = tuple(body for body in scene.mechanism.bodies if body.name != "coupler")
+    pivots = tuple(joint for joint in scene.mechanism.joints if "coupler" not in (joint.body_i, joint.body_j))
+    ends = {"body_i": "crank", "point_i": (0.5, 0.0), "body_j": "rocker", "point_j": (1.5, 0.0)}
+    joints = (*pivots, refkin.Distance(name="rod", **ends, length=3.5))
+    scene = replace(
+        scene, mechanism=replace(scene.mechanism, bodies=bodies, joints=joints), times=scene.times[1:], points=()
+    )
+    parts = {part.name: part for part in Drawing(scene, refkin.solve(scene)).parts}
+    for k in range(8):
+        crank, rod, rocker = (
+            next(s.points for s in parts[name].at(k) if s.role in ("body", "link"))
+            for name in ("crank", "rod", "rocker")
+        )
+
+        assert rod == pytest.approx(np.column_stack([crank[:, 1], rocker[:, 1]]))
+
+
 def test_the_box_holds_all_that_moves_and_no_more(scene, motion):
     drawing = Drawing(scene, motion)
     points = np.concatenate([s.points for p in drawing.parts for k in range(9) for s in p.at(k)], axis=1)
@@ -354,6 +373,8 @@ def test_what_has_no_pose_shows_no_picture_in_a_notebook(motion):
 def test_a_plot_takes_the_pose_nearest_to_a_time(motion):
     assert motion.plot(motion.t[4] + 0.01).k == 4
     assert motion.plot().k == 0
+    assert "FourBar open, t = 0 s:" in repr(motion.plot())
+    assert "FourBar open, 9 poses:" in repr(motion.animate())
     for wrong in (math.nan, math.inf):
         with pytest.raises(refkin.InvalidRequest, match="finite time"):
             motion.plot(wrong)

@@ -179,6 +179,13 @@ def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_a
     assert len(sweep.t) == len(sweep.q)
 
 
+def test_a_law_that_turns_back_a_rounding_before_the_time_itself_does_not_stop_it_there(monkeypatch):
+    sweep = started(Sinusoid(offset=0.5, amplitude=0.2, angular_frequency=0.01))
+    monkeypatch.setattr(Sweep, "_is_alone", lambda _: False)
+
+    assert sweep.to(math.nextafter(50.0 * math.pi, 200.0)) is Arrival.REACHED
+
+
 @pytest.mark.parametrize("doubted", ["", "its range", "its ends", "its last pose"])
 def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monkeypatch, doubted):
     """By 1.3 and 0.7 from 1 to the last value; a coordinate of the pose there may be off by round-off."""
@@ -226,6 +233,18 @@ def test_whoever_sets_out_from_a_singular_pose_knows_it(off, singular, known):
     sweep._set_out(sweep.t[0] + 1.0)
 
     assert bool(sweep.singular) is (known or singular)
+
+
+@pytest.mark.parametrize("law", [(0.25,), (0.25, 1.0), (0.25, 2.0, -2.0)], ids=["rests", "goes on", "comes back"])
+def test_where_two_laws_move_the_first_step_is_a_part_of_the_way(law):
+    scene = beside_a_wheel(
+        ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.25,)), Polynomial(coefficients=law)
+    )
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    sweep = Sweep(system, [0.25], [system.to_unit(refkin.solve(scene).q[:, 0])])
+    sweep._set_out(0.75)
+
+    assert sweep.step == (math.inf if len(law) == 1 else 0.0625)
 
 
 @pytest.mark.parametrize("proving", [True, False])
@@ -294,20 +313,22 @@ def test_a_small_linkage_beside_a_large_body_passes_its_near_change_point():
     assert refkin.solve(beside_a_mast(scene)).verdict is Status.OK
 
 
+def beside_a_wheel(scene, law):
+    """The scene with a wheel that a law turns."""
+    wheel, m = Body(name="wheel"), scene.mechanism
+    pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
+    motor = AngleDriver(name="motor", body="wheel", law=law)
+    m = replace(m, bodies=(*m.bodies, wheel), joints=(*m.joints, pin), drivers=(*m.drivers, motor))
+    return replace(scene, mechanism=m)
+
+
 @pytest.mark.parametrize("angle", [1e12, 1e14])
 @pytest.mark.parametrize("turning", [False, True], ids=["alone", "beside one that turns"])
 def test_a_linkage_at_a_large_angle_stands_still(angle, turning):
     """Its poses are predicted where they are: to extrapolate the angle itself would leave its rounding, 1e-4 rad."""
     times = np.linspace(0.0, 1.0, 7)
     scene = ROCKER.scene(law=Polynomial(coefficients=(angle,)), times=times)
-    if turning:
-        wheel = Body(name="wheel")
-        pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
-        motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
-        m = scene.mechanism
-        m = replace(m, bodies=(*m.bodies, wheel), joints=(*m.joints, pin), drivers=(*m.drivers, motor))
-        scene = replace(scene, mechanism=m)
-    motion = refkin.solve(scene)
+    motion = refkin.solve(beside_a_wheel(scene, Polynomial(coefficients=(0.0, 1.0))) if turning else scene)
 
     assert motion.verdict is Status.OK
     assert np.ptp(motion["rocker"].phi) < 1e-14
