@@ -35,8 +35,8 @@ from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import AxesParallel, Constraint, elements_of
-from refkin.model import Scene
-from refkin.motion import Motion, Route, Seeding, __version__
+from refkin.model import Mechanism, Scene
+from refkin.motion import Motion, Producer, Route, Seeding, __version__
 
 API = (1, 0)
 Array = NDArray[np.float64]
@@ -181,9 +181,10 @@ class Adapter:
     ----------
     package : module or None
         The engine's package; None if the engine is this project's own.
-    solving, shipped, special : tuple of Route
+    solving, shipped, special, dynamic : tuple of Route
         Routes, best first; those with the engine's own settings, of hard cases; those through features that are
-        avoided elsewhere.
+        avoided elsewhere; those through its dynamics, which answer no scene but may feel an effect. In space there are
+        the first two alone.
     table : mapping
         What it can express.
     """
@@ -194,7 +195,9 @@ class Adapter:
     solving: tuple[Route, ...]
     shipped: tuple[Route, ...] = ()
     special: tuple[Route, ...] = ()
+    dynamic: tuple[Route, ...] = ()
     table: Capabilities
+    effect: str | None = None
 
     def version(self) -> str:
         """Return the version of the engine's package."""
@@ -220,6 +223,28 @@ class Adapter:
         """Return nothing: it adds nothing to the allowed error."""
         return ()
 
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        return self.answer(scene, Producer(name=self.name, version=self.version(), route=self.checked(scene, route)))
+
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return its answer to a scene that `checked` lets pass, by the producer's route."""
+        raise NotImplementedError
+
+    def checked(self, scene: Scene, route: Route | None) -> Route:
+        """Return the route, by default the best; raise EngineError if it has none such, EngineRefusal for a scene."""
+        routes = (*self.solving, *self.shipped, *self.dynamic, *self.special)
+        if route is not None and route not in routes:
+            known = ", ".join(repr(r.name) for r in routes)
+            raise EngineError(f"{self.name} has no method {route.name!r}; there are: {known}")
+        refuse(refusals(self, scene, Level.SOLVE))
+        route, where = route or self.solving[0], "in space: "
+        if in_space(scene.mechanism) and route not in (*self.solving, *self.shipped):
+            raise EngineRefusal(f"{self.name} refuses method {route.name!r} {where}it is written for the plane")
+        if in_space(scene.mechanism) and self.effect is not None:
+            why = "its adapter has them in the plane alone"
+            raise EngineRefusal(f"{self.name} refuses physical effects {where}{why}")
+        return route
+
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Refuse: there are no rows, and each element says why."""
         reasons = {levels[Level.RESIDUAL].reason for levels in self.table.values()}
@@ -236,13 +261,10 @@ class SimulatingAdapter(Adapter):
 
     Attributes
     ----------
-    dynamic : tuple of Route
-        Routes through the engine's dynamics, which answer no scene but may feel an effect.
     effects, missing : mapping
         Physical effect -> how it is switched on; why there is none.
     """
 
-    dynamic: tuple[Route, ...] = ()
     effects: Mapping[str, Switch]
     missing: ClassVar[Mapping[str, str]] = {}
 
@@ -368,21 +390,9 @@ def refuse(reasons: Sequence[str]) -> None:
         raise EngineRefusal("; ".join(reasons))
 
 
-def refuse_joints(engine: Engine, scene: Scene, route: Route | None, routes: Sequence[Route]) -> None:
-    """Raise EngineRefusal if `engine` cannot solve `scene`, EngineError if `route` is none of `routes` and not None.
-
-    Parameters
-    ----------
-    engine, scene : Engine, Scene
-    route : Route or None
-        The method that is asked for; None for the engine's best.
-    routes : sequence of Route
-        Those that it has.
-    """
-    if route is not None and route not in routes:
-        known = ", ".join(repr(r.name) for r in routes)
-        raise EngineError(f"{engine.name} has no method {route.name!r}; there are: {known}")
-    refuse(refusals(engine, scene, Level.SOLVE))
+def in_space(mechanism: Mechanism) -> bool:
+    """Return whether a mechanism is one of space."""
+    return mechanism.kind.name == "spatial"
 
 
 def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:

@@ -31,7 +31,7 @@ from crosscheck.engines import (
     EngineRefusal,
     Level,
     Term,
-    refuse_joints,
+    in_space,
     refused,
     route_by,
 )
@@ -39,7 +39,6 @@ from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar
 from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution, rows_of
 from crosscheck.engines.closed_form.space_motion import space_closed
-from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
 from refkin.joints import elements_of
 from refkin.model import Scene
@@ -116,16 +115,8 @@ class ClosedForm(Adapter):
         """Return the rounding of positions, and in space of frames and of the jets that carry rates through roots."""
         return (CHORDS, *JETS, _frames(scene)) if in_space(scene.mechanism) else (CHORDS,)
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion of a scene.
-
-        Raises
-        ------
-        EngineError
-            If a joint is unknown, the linkage is not of class II, or it has redundant constraints.
-        """
-        refuse_joints(self, scene, route, (ROUTE,))
-        producer = Producer(name=self.name, version=self.version(), route=ROUTE)
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion of a scene; EngineError if it is not of class II, or has redundant constraints."""
         if in_space(scene.mechanism):
             return space_closed(scene, producer, BITS)
         extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)

@@ -27,7 +27,7 @@ from crosscheck.engines import (
     Term,
     derived,
     expressed,
-    refuse_joints,
+    in_space,
     refused,
     route_by,
 )
@@ -44,7 +44,6 @@ from crosscheck.engines.exudyn.solve import (
 )
 from crosscheck.engines.exudyn.space import NO_TWIST, STILL_TERMS, ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import SpaceModel
-from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, PointDistance, elements_of
 from refkin.model import Effect, Scene
@@ -124,14 +123,13 @@ class Exudyn(SimulatingAdapter):
         if route in (None, STATIC, INITIAL):
             return nodes
         if self._stop is None or self._stop[0] is not scene:
-            refuse_joints(self, scene, route, self.routes())
+            self.checked(scene, route)
             with closing(self._model(scene, SHIPPED)) as model:
                 self._stop = scene, model.stop(scene)
         return self._stop[1], *nodes
 
     def _model(self, scene: Scene, route: Route) -> PlaneModel | SpaceModel:
         if in_space(scene.mechanism):
-            refuse_in_space(self, route, self.routes(), self.effect)
             return SpaceModel(scene, shipped=route == SHIPPED)
         more = None if self.effect is None else EFFECTS[self.effect].switch
         return PlaneModel(scene, shipped=route == SHIPPED, more=more)
@@ -143,20 +141,11 @@ class Exudyn(SimulatingAdapter):
             return ExudynSpaceRows(scene.mechanism, known)
         return ExudynModel(scene.mechanism.bodies, known)
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return exudyn's answer.
-
-        Raises
-        ------
-        EngineError
-            If exudyn cannot express a joint, a body has no estimate to start from, or the method is unknown.
-        """
-        route = STATIC if route is None else route
-        refuse_joints(self, scene, route, (*self.routes(), *FEATURES))
-        if route == INITIAL and not in_space(scene.mechanism):
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        route = producer.route
+        if route == INITIAL:
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
-        producer = Producer(name=self.name, version=self.version(), route=route)
         with closing(self._model(scene, route)) as model:
             if route == SHIPPED:
                 self._stop = scene, model.stop(scene)

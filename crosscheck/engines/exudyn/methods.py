@@ -15,7 +15,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import EngineError, EngineRefusal, Level, refusals, refuse
+from crosscheck.engines import EngineError, EngineRefusal, Level, in_space, refusals, refuse
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
@@ -30,7 +30,6 @@ from crosscheck.engines.exudyn.solve import (
 )
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
-from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import SI, Unit
 from refkin.model import Scene

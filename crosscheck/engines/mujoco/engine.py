@@ -25,9 +25,9 @@ from crosscheck.engines import (
     by_level,
     derived,
     expressed,
+    in_space,
     refusals,
     refuse,
-    refuse_joints,
     refused,
     route_by,
 )
@@ -38,7 +38,6 @@ from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
-from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, marched_motion, tree_motion
 from refkin.joints import GROUND, Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
@@ -139,23 +138,14 @@ class Mujoco(SimulatingAdapter):
             return (*CHAIN, *SPATIAL, soft(freedoms(scene.mechanism)))
         return (*CHAIN, *SPATIAL)
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.
-
-        Raises
-        ------
-        EngineError
-            If the scene has a joint that is refused or a body without estimate, or the method is unknown.
-        """
-        refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD, *FEATURES))
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates."""
+        route = producer.route
         if in_space(scene.mechanism):
-            refuse_in_space(self, route, (NEWTON, STEPPED), self.effect)
-            producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
             own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
             return space_motion(scene, MujocoSpace, producer, own)
         tree = joint_tree(scene.mechanism)
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
-        producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
         if route == STEPPED:
             return marched_motion(rows, scene, stepped(tree, scene), producer)
         if route == SPARSE:

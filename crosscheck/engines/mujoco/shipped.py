@@ -18,12 +18,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineRefusal, Term, route_by
+from crosscheck.engines import Array, EngineRefusal, Term, in_space, route_by
 from crosscheck.engines.march import MarchResult, one_by_one
 from crosscheck.engines.mujoco.model import Plan, add_equality, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
-from crosscheck.engines.spatial.reading import Drive, Hold, JointKind, in_space, numbers_of
+from crosscheck.engines.spatial.reading import Drive, Hold, JointKind, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import WIDTH, space_tree
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree

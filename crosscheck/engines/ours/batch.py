@@ -30,7 +30,6 @@ from crosscheck.engines import (
     EngineRefusal,
     Level,
     Term,
-    refuse_joints,
     refused,
     route_by,
 )
@@ -96,21 +95,14 @@ class RefkinBatch(Adapter):
             ),
         )
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion of a scene, as the program has it.
-
-        Raises
-        ------
-        EngineError
-            If a joint is unknown, or the program leaves the scene to the reference.
-        """
-        refuse_joints(self, scene, route, (ROUTE,))
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion of a scene, as the program has it; EngineError if it leaves it to the reference."""
         motion = attempt(replace(scene, evidence=frozenset()))
         if motion is None:
             doubt = "a pose or the branch is in doubt, and left to the reference"
             raise EngineRefusal(f"{self.name} refuses {scene.name!r}: {doubt}")
         self._last = scene, motion
-        return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
+        return replace(motion, producer=producer)
 
 
 def _angles(scene: Scene, motion: Motion) -> Any:

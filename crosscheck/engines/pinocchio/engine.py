@@ -24,9 +24,9 @@ from crosscheck.engines import (
     by_level,
     derived,
     expressed,
+    in_space,
     refusals,
     refuse,
-    refuse_joints,
     refused,
     route_by,
 )
@@ -37,7 +37,6 @@ from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
-from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, marched_motion, tree_motion
 from refkin.joints import Constraint, elements_of
@@ -115,24 +114,15 @@ class Pinocchio(SimulatingAdapter):
             refuse(refusals(self, scene, Level.RESIDUAL))
         return PinocchioConstraints(scene, known)
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates.
-
-        Raises
-        ------
-        EngineError
-            If a joint or the method is refused, or a body has no estimate; the message names it.
-        """
-        refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD, *FEATURES))
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates."""
+        route = producer.route
         if in_space(scene.mechanism):
-            refuse_in_space(self, route, (TREE, CLOSED_CHAIN), self.effect)
-            producer = Producer(name=self.name, version=self.version(), route=route or TREE)
             own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
             return space_motion(scene, PinocchioSpace, producer, own)
         if route in FEATURES:
             return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
-        producer = Producer(name=self.name, version=self.version(), route=route or TREE)
         if route == CLOSED_CHAIN:
             return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
         forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None

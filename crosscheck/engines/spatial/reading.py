@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineRefusal
+from crosscheck.engines import Array
 from crosscheck.engines.spatial.passive import Line, spins
 from crosscheck.engines.spatial.turning import about_z, joint_frame
 from refkin import joints
 from refkin.model import Mechanism
-from refkin.motion import Route
 from refkin.motion_laws import Law
 
 
@@ -206,30 +205,6 @@ class Numbers:
         """Return a pose (7,) of the scene in this unit, its Euler parameters of length 1."""
         r, p = np.array(estimate[:3], float), np.array(estimate[3:], float)
         return np.concatenate([(r - self.origin) / self.size, p / np.linalg.norm(p)])
-
-
-def in_space(mechanism: Mechanism) -> bool:
-    """Return whether a mechanism is one of space."""
-    return mechanism.kind.name == "spatial"
-
-
-def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], effect: str | None) -> None:
-    """Raise EngineRefusal for a route, or physical effects, that an engine's adapter has in the plane alone.
-
-    Parameters
-    ----------
-    engine : Engine
-    route : Route or None
-        What is asked for.
-    routes : sequence of Route
-        What the adapter has in space.
-    effect : str or None
-        The physical effect that is asked for.
-    """
-    if route is not None and route not in routes:
-        raise EngineRefusal(f"{engine.name} refuses method {route.name!r} in space: it is written for the plane")
-    if effect is not None:
-        raise EngineRefusal(f"{engine.name} refuses physical effects in space: its adapter has them in the plane alone")
 
 
 @dataclass(frozen=True)

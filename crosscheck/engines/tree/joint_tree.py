@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crosscheck.engines import EngineError, EngineRefusal
+from crosscheck.engines import EngineError, EngineRefusal, in_space
 from crosscheck.engines.frames import direction, through_its_point
-from crosscheck.engines.spatial.reading import in_space
 from crosscheck.engines.spatial.tree import longest_chain
 from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle, elements_of
 from refkin.model import Mechanism

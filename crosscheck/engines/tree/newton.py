@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, EngineError, Level, refusals, refuse
+from crosscheck.engines import Engine, EngineError, Level, in_space, refusals, refuse
 from crosscheck.engines.march import MarchResult
 from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one
 from crosscheck.engines.poses import Equations, close, solve
 from crosscheck.engines.spatial.motion import SpaceScene
-from crosscheck.engines.spatial.reading import in_space
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem, body_levels
 from crosscheck.scenes.workloads import Workload

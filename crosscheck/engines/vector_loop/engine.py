@@ -27,7 +27,6 @@ from crosscheck.engines import (
     EngineError,
     EngineRefusal,
     Level,
-    refuse_joints,
     refused,
     route_by,
 )
@@ -38,7 +37,7 @@ from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variable, V
 from crosscheck.scenes.names import called_for
 from refkin.joints import GROUND
 from refkin.model import Scene
-from refkin.motion import Motion, PointMotion, Producer, Route, Status, engine_motion
+from refkin.motion import Motion, PointMotion, Producer, Status, engine_motion
 
 
 @dataclass(frozen=True)
@@ -197,21 +196,13 @@ class VectorLoop(Adapter):
     name = "vector_loop"
     solving, table = (ROUTE,), CAPABILITIES
 
-    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion of a scene.
-
-        Raises
-        ------
-        EngineError
-            If a joint is refused, or the scene makes no square set of loops with an estimate of each unknown.
-        """
-        refuse_joints(self, scene, route, (ROUTE,))
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion of a scene; raises as `read`."""
         reading = read(scene)
         moved = march(reading.system, scene.times, reading.q0, reading.distance)
         places = _places(reading, moved)
         bodies = [_rows(reading, moved, place, order) for order, place in enumerate(places)]
         points = {point.name: _point(scene, places, k) for k, point in enumerate(scene.points, start=len(scene.wanted))}
-        producer = Producer(name=self.name, version=self.version(), route=ROUTE)
         return engine_motion(
             scene.times,
             scene.wanted,
