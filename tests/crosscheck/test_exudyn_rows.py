@@ -83,8 +83,8 @@ def test_a_closed_model_is_freed() -> None:
 
 def lengths_off(m: pytest.MonkeyPatch) -> None:
     """Make every coordinate of a point too long by 1e-9."""
-    local = exudyn_readings.Readings.local
-    m.setattr(exudyn_readings.Readings, "local", lambda self, body, p: [c * (1 + 1e-9) for c in local(self, body, p)])
+    local = exudyn_parts.Builder.local
+    m.setattr(exudyn_parts.Builder, "local", lambda self, body, p: tuple(c * (1 + 1e-9) for c in local(self, body, p)))
 
 
 def rate_missing(m: pytest.MonkeyPatch) -> None:
@@ -100,8 +100,8 @@ def rate_missing(m: pytest.MonkeyPatch) -> None:
 
 def coriolis_missing(m: pytest.MonkeyPatch) -> None:
     """Leave the mixed term out of the drift of a product."""
-    whole = exudyn_parts.product_drift
-    m.setattr(exudyn_parts, "product_drift", lambda a, b: whole(a, b) + 2.0 * exudyn_readings.dot(a[1], b[1]))
+    whole = exudyn_readings.product
+    m.setattr(exudyn_readings, "product", lambda a, b: whole(a, b) - 2.0 * exudyn_readings.dot(a[1], b[1]))
 
 
 def sign_of_velocity_rows(m: pytest.MonkeyPatch) -> None:

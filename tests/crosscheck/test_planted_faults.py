@@ -119,7 +119,7 @@ def with_a_length_off(right: Any, mechanism: Mechanism, *more: Any, **keys: Any)
 
 
 def marker_off(right: Any, self: Any, body: str, point: Any) -> Any:
-    return [c * (1.0 + 1e-9) if body == "coupler" else c for c in right(self, body, point)]
+    return tuple(c * (1.0 + 1e-9) if body == "coupler" else c for c in right(self, body, point))
 
 
 def place_off(right: Any, drawn: Any, place: Any, arithmetic: Any) -> Any:
@@ -140,7 +140,7 @@ def stopped_clock(right: Any, self: Any, t: float, order: int) -> None:
 
 
 def product_without_mixed_term(a: Any, b: Any) -> float:
-    return -(exudyn_readings.dot(a[2], b[0]) + exudyn_readings.dot(a[0], b[2]))
+    return exudyn_readings.dot(a[2], b[0]) + exudyn_readings.dot(a[0], b[2])
 
 
 def row_with_plus(right: Any, **of_row: Any) -> Any:
@@ -216,7 +216,7 @@ OF_REFERENCE = {
 }
 OF_ADAPTERS = {
     "exudyn: a length off by 1e-9": Fault(
-        around(exudyn_readings.Readings, "local", marker_off), FOUR_BAR, ("exudyn",), "position"
+        around(exudyn_parts.Builder, "local", marker_off), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a driver whose rate is forgotten": Fault(
         around(exudyn_parts.Clock, "at_rate", no_law_moves), FOUR_BAR, ("exudyn",), "velocity", ("position",)
@@ -231,7 +231,7 @@ OF_ADAPTERS = {
         around(exudyn_engine, "start_of", start_on_the_other_side), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a product rule without its mixed term": Fault(
-        lambda patch: patch.setattr(exudyn_parts, "product_drift", product_without_mixed_term),
+        lambda patch: patch.setattr(exudyn_readings, "product", product_without_mixed_term),
         INVERTED,
         ("exudyn",),
         "acceleration",

@@ -17,7 +17,7 @@ from refkin.joints import SI, Constraint, Unit
 from refkin.model import Body
 
 CURRENT = exu.ConfigurationType.Current
-NO_FORCES = (0.0, 0.0, 0.0)
+NO_LAW = NO_FORCES = (0.0, 0.0, 0.0)
 """By what the parts of the Jacobian are scaled that are no constraint's."""
 
 
@@ -186,26 +186,21 @@ class ExudynModel(ExudynSystem):
             columns = list(data.GetObjectLTGODE2(builder.bodies[body.name]))
             if columns != [3 * k, 3 * k + 1, 3 * k + 2]:
                 raise EngineError(f"exudyn keeps the coordinates of body {body.name!r} in columns {columns}")
-        self.blocks = [(list(data.GetObjectLTGAE(b.item))[: len(b.maps)], b) for b in builder.blocks]
+        self.lines, self.read = builder.rows, builder.read
+        self.live = [list(data.GetObjectLTGAE(line.item))[line.own] for line in self.lines]
         self.rows: Sequence[RowMap] = tuple(
-            RowMap(constraint=b.constraint, row=b.first + k, engine_row=row, factor=factor, form=form)
-            for rows, b in self.blocks
-            for k, (row, (factor, form)) in enumerate(zip(rows, b.maps, strict=True))
+            RowMap(constraint=line.name, row=line.row, engine_row=at, factor=line.factor, form=line.form)
+            for at, line in zip(self.live, self.lines, strict=True)
         )
-        self.live = [row.engine_row for row in self.rows]
-        self.read = builder.read
-        self._driven = [(rows[0], b, b.cylinder) for rows, b in self.blocks if b.cylinder is not None]
-        self.powers = np.array([power for _, block in self.blocks for power in block.powers])
+        pairs = zip(self.live, self.lines, strict=True)
+        self._driven = [(at, line, line.law) for at, line in pairs if line.what == "length" and line.law is not None]
+        self.powers = np.array([line.power for line in self.lines])
         self.begin(redundant=len(self.live) > 3 * len(bodies))
 
     def residual(self, q: Array, t: float) -> Array:
         """Return exudyn's residual, (m,).
 
-        Raises
-        ------
-        EngineError
-            Where exudyn has no answer: the two points of a distance constraint coincide, or a driven distance is not
-            positive.
+        Raises EngineError where it has none: where the points of a distance coincide, or a driven one is not positive.
         """
         self.set_state(q, t)
         return self.squared(self.equations())
@@ -258,16 +253,12 @@ class ExudynModel(ExudynSystem):
             place(at, CURRENT)
             move(rate, CURRENT)
             states.append(read())
-        table, laws = self.read.table(states), self.clock.over(t, 2)
-        out = np.zeros((len(t), self.m))
-        for rows, block in self.blocks:
-            for row, values in zip(rows, block.drift(table, laws), strict=True):
-                out[:, row] = values
+        self.read.keep(states)
+        laws, out = self.clock.over(t, 2), np.zeros((len(t), self.m))
+        for at, line in zip(self.live, self.lines, strict=True):
+            if line.what or line.law is not None:
+                out[:, at] = -line.factor * self.read.bend(line, NO_LAW if line.law is None else laws[line.law])
         return out
-
-    def close(self) -> None:
-        self.blocks, self._driven = [], []
-        super().close()
 
     def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:
         """Put exudyn at (q, qd, t), with the laws' rates if there is a qd."""
@@ -281,8 +272,8 @@ class ExudynModel(ExudynSystem):
         self.clock.set(t, order)
         if t == self._distances_at:
             return
-        for _, block, law in self._driven:
-            self.set_length(block.item, block.constraint, t, self.clock.values[law][0])
+        for _, line, law in self._driven:
+            self.set_length(line.item, line.name, t, self.clock.values[law][0])
         self._distances_at = t
 
     def lengths(self) -> Sequence[tuple[int, float]]:

@@ -16,23 +16,22 @@ rolling wheels        CoordinateConstraint [phi_i, phi_j] with a factor         
 coordinate by a law   CoordinateConstraint on a relative translation marker     +
 ===================== ========================================================= =====================================
 
-exudyn has no drift term of its own: gamma is put together from its point motions at qdd = 0 (`Readings`), by the rules
-of differentiation for a difference, a product and a length. That last step is the adapter's.
+exudyn has no drift term of its own: gamma is put together from its point motions at qdd = 0 (`Readings`). That last
+step is the adapter's.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from exudyn import itemInterface as item
 
 from crosscheck.engines import Array
-from crosscheck.engines.exudyn.readings import ACCELERATION, Readings, Table, dot, product_drift
-from crosscheck.engines.frames import Form, Length, Linear, SineRow, direction, through_its_point
+from crosscheck.engines.exudyn.readings import ORIGIN, ExudynRow, Readings
+from crosscheck.engines.frames import Length, Linear, SineRow, direction, through_its_point
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -131,35 +130,8 @@ class Clock:
         return self.values[law][order]
 
 
-@dataclass(frozen=True)
-class ObjectRows:
-    """One exudyn object, and the rows of a constraint that it holds.
-
-    Attributes
-    ----------
-    first : int
-        Which row of the constraint its first row is.
-    maps : tuple of (factor, form)
-        Per row how exudyn's follows from ours.
-    powers : tuple of int
-        Per row the power of length that it is measured in.
-    drift : callable
-        What was read (`Readings.now`), and value and derivatives of each law -> the object's rows of gamma.
-    cylinder : int or None
-        The law that the distance of a driven DistanceConstraint follows.
-    """
-
-    constraint: str
-    item: Any
-    first: int
-    maps: tuple[tuple[float, Form], ...]
-    powers: tuple[int, ...]
-    drift: Callable[[Table, Any], Iterable[Any]]
-    cylinder: int | None = None
-
-
 class Builder:
-    """Adds bodies, then joints and drivers, to an exudyn system; `blocks` is what came of it.
+    """Adds bodies, then joints and drivers, to an exudyn system; `rows` is what came of it.
 
     Each body is a NodeRigidBody2D with reference coordinates zero, so that exudyn's coordinates are x, y, phi.
     """
@@ -174,14 +146,14 @@ class Builder:
         mass: float = 0.0,
     ) -> None:
         self.mbs, self.unit, self.clock = mbs, unit, clock
-        self.blocks: list[ObjectRows] = []
+        self.rows: list[ExudynRow] = []
         self.bodies = {GROUND: mbs.AddObject(item.ObjectGround())}
         self.nodes: dict[str, Any] = {}
         for body in bodies:
             self.nodes[body.name] = mbs.AddNode(item.NodeRigidBody2D())
             rigid = item.ObjectRigidBody2D(nodeNumber=self.nodes[body.name], mass=mass, inertia=mass)
             self.bodies[body.name] = mbs.AddObject(rigid)
-        self.read = Readings(mbs, self.bodies, unit)
+        self.read = Readings(mbs, self.bodies)
         still = mbs.AddNode(item.NodePointGround())
         self.still = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=still, coordinate=0))
         for constraint in constraints:
@@ -192,19 +164,21 @@ class Builder:
                 for element in elements:
                     ADD[type(element)](self, element)
 
-    def point(self, body: str, point: Pair) -> Any:
-        """Return a marker at a point of a body."""
-        marker = item.MarkerBodyPosition(bodyNumber=self.bodies[body], localPosition=self.read.local(body, point))
-        return self.mbs.AddMarker(marker)
+    def add(self, e: Element, number: Any, **more: Any) -> None:
+        """Take in a row of an element as a row of an exudyn object."""
+        ends = tuple((body, self.local(body, point)) for body, point in e.ends)
+        self.rows.append(ExudynRow(**{"name": e.name, "row": e.row, "item": number, "ends": ends, **more}))
+        self.read.ask(self.rows[-1])
 
-    def points(self, e: Any) -> list[Any]:
+    def local(self, body: str, point: Pair) -> tuple[float, float, float]:
+        """Return a point of a body [m] as exudyn has it: in the model's unit, three components."""
+        ox, oy = self.unit.origin if body == GROUND else (0.0, 0.0)
+        return (point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0
+
+    def points(self, e: Any, kind: Any = item.MarkerBodyPosition) -> list[Any]:
         """Return markers at the two points of an element."""
-        return [self.point(body, point) for body, point in e.ends]
-
-    def frame(self, body: str, point: Pair) -> Any:
-        """Return a marker at a point of a body that turns with it."""
-        marker = item.MarkerBodyRigid(bodyNumber=self.bodies[body], localPosition=self.read.local(body, point))
-        return self.mbs.AddMarker(marker)
+        places = [(self.bodies[body], list(self.local(body, point))) for body, point in e.ends]
+        return [self.mbs.AddMarker(kind(bodyNumber=body, localPosition=u)) for body, u in places]
 
     def angle(self, body: str) -> Any:
         """Return a marker on the angle of a body; for the ground on a coordinate that stays zero."""
@@ -239,38 +213,26 @@ def is_slider(elements: Sequence[Element]) -> bool:
 
 def _coincide(b: Builder, e: PointsCoincide) -> None:
     joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(e)))
-
-    one, other = (b.read.vector(ACCELERATION, *end) for end in e.ends)
-
-    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
-        d = one(table) - other(table)
-        return d.real, d.imag
-
-    b.blocks.append(ObjectRows(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
+    for k in range(2):
+        b.add(e, joint, row=e.row + k, own=k, what="d", component=k)
 
 
 def _guide(b: Builder, e: GuidedPoint, axis_j: Pair, rotation: bool) -> Any:
     """Add a PrismaticJoint2D with the guide on body i; `axis_j` is the axis in the frame of body j."""
-    return b.mbs.AddObject(
+    joint = b.mbs.AddObject(
         item.PrismaticJoint2D(
-            markerNumbers=[b.frame(e.body_j, e.point_j), b.frame(e.body_i, e.point_i)],
+            markerNumbers=b.points(e, item.MarkerBodyRigid)[::-1],
             axisMarker0=[*axis_j, 0.0],
             normalMarker1=[*_normal(e), 0.0],
             constrainRotation=rotation,
         )
     )
-
-
-def _across(b: Builder, e: GuidedPoint) -> Callable[[Table], Any]:
-    """Return what finds gamma of exudyn's row -(n . d), n the normal of the axis on body i."""
-    gap, normal = b.read.gap(e), b.read.direction_jet(e.body_i, _normal(e))
-    return lambda table: -product_drift(gap(table), normal(table))
+    b.add(e, joint, what="along", axes=(np.array([*_normal(e), 0.0]),), factor=-1.0)
+    return joint
 
 
 def _guided(b: Builder, e: GuidedPoint) -> None:
-    e = through_its_point(e)
-    joint, across = _guide(b, e, (1.0, 0.0), rotation=False), _across(b, e)
-    b.blocks.append(ObjectRows(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda table, laws: (across(table),)))
+    _guide(b, through_its_point(e), (1.0, 0.0), rotation=False)
 
 
 def _slider(b: Builder, e: Any, turned: Any) -> None:
@@ -278,46 +240,25 @@ def _slider(b: Builder, e: Any, turned: Any) -> None:
     y, x = _normal(e)  # the axis is (x, -y)
     cos, sin = math.cos(turned.angle), math.sin(turned.angle)
     axis_j = (cos * x - sin * y, -sin * x - cos * y)
-    joint, across = _guide(b, e, axis_j, rotation=True), _across(b, e)
-    spins = [b.read.spin(body) for body in e.bodies]
-    along, normal = b.read.direction(e.body_j, axis_j), b.read.direction(e.body_i, _normal(e))
-
-    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
-        # Two unit vectors that turn with w against each other: (t . n)'' = -w^2 t . n.
-        i, j = (spin(table) for spin in spins)
-        return across(table), (j - i) ** 2 * dot(along(table), normal(table))
-
-    b.blocks.append(ObjectRows(e.name, joint, e.row, ((-1.0, Linear()), (1.0, SineRow())), (1, 0), drift))
+    joint, axes = _guide(b, e, axis_j, rotation=True), (np.array([*_normal(e), 0.0]), np.array([*axis_j, 0.0]))
+    b.add(e, joint, row=e.row + 1, own=1, what="sine", axes=axes, form=SineRow(), power=0)
 
 
 def _distance(b: Builder, e: PointDistance) -> None:
     law = b.law(e, size=b.unit.size) if e.laws else None
     length = e.length / b.unit.size if law is None else 1.0
     rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(e), distance=length))
-    gap = b.read.gap(e)
-
-    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
-        d = gap(table)
-        if law is not None:
-            f, fd, fdd = laws[law]
-            return (0.5 * product_drift(d, d) + fd * fd + f * fdd,)
-        distance = abs(d[0])
-        rate = dot(d[0], d[1]) / distance
-        return ((0.5 * product_drift(d, d) + rate * rate) / distance,)  # |d| |d|'' + |d|'^2 = (d . d)'' / 2
-
     form, power = (Length(length), 1) if law is None else (Linear(), 2)
-    b.blocks.append(ObjectRows(e.name, rod, e.row, ((1.0, form),), (power,), drift, cylinder=law))
+    b.add(e, rod, what="length", form=form, power=power, law=law)
 
 
 def _angle(b: Builder, e: RelativeAngle) -> None:
-    markers = [b.angle(body) for body in e.bodies]
-    if e.laws:
-        law = b.law(e)
-        held = b.driven(markers, law)
-        b.blocks.append(ObjectRows(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (laws[law][2],)))
-    else:
+    markers, law = [b.angle(body) for body in e.bodies], b.law(e) if e.laws else None
+    if law is None:
         held = b.mbs.AddObject(item.CoordinateConstraint(markerNumbers=markers, offset=e.angle))
-        b.blocks.append(ObjectRows(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (0.0,)))
+    else:
+        held = b.driven(markers, law)
+    b.add(e, held, power=0, law=law, ends=())
 
 
 def _wheels(b: Builder, e: RollingWheels) -> None:
@@ -328,26 +269,19 @@ def _wheels(b: Builder, e: RollingWheels) -> None:
             markerNumbers=[b.angle(body) for body in e.bodies], factorValue1=factor, offset=factor * e.zero_j - e.zero_i
         )
     )
-    b.blocks.append(
-        ObjectRows(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,))
-    )
+    b.add(e, teeth, factor=-b.unit.size / e.radius_i, power=0, ends=())
 
 
 def _coordinate(b: Builder, e: PointCoordinate) -> None:
     law = b.law(e, b.unit.origin[e.axis], b.unit.size)
+    end = e.body_j, b.local(e.body_j, e.point_j)
     along = item.MarkerBodiesRelativeTranslationCoordinate(
         bodyNumbers=[b.bodies[GROUND], b.bodies[e.body_j]],
-        localPosition1=b.read.local(e.body_j, e.point_j),
+        localPosition1=list(end[1]),
         axis0=[1.0 - e.axis, float(e.axis), 0.0],
     )
     actuator = b.driven([b.still, b.mbs.AddMarker(along)], law)
-    acceleration = b.read.vector(ACCELERATION, e.body_j, e.point_j)
-
-    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
-        a = acceleration(table)
-        return (laws[law][2] - (a.imag if e.axis else a.real),)
-
-    b.blocks.append(ObjectRows(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
+    b.add(e, actuator, what="d", component=e.axis, ends=((GROUND, ORIGIN), end), law=law)
 
 
 ADD: dict[type[Element], Callable[[Builder, Any], None]] = {

@@ -1,115 +1,138 @@
-"""What exudyn says of points and directions of its bodies.
+"""What exudyn says of points and axes of its bodies, in the plane and in space, and what drift terms are made of.
 
 Its body outputs give position, velocity and acceleration of any point. With the accelerations of the coordinates at
 zero, as they are in a static solver, these accelerations are the parts that hold no qdd: what a drift term is made of.
-What a drift term is made of is asked for while the model is built, and read at one state after the other; the terms
-follow for all states at once. A vector of the plane is a complex number, or an array of them, one for each state.
+What a row is made of is asked for while the model is built, and read at one state after the other; the terms follow for
+all states at once. A vector is an array (3,) or (B, 3).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import Array
-from refkin.joints import GROUND, Pair, Unit
+from crosscheck.engines.frames import Form, Linear
+from refkin.joints import GROUND
 
+Array = Any
+LINEAR = Linear()
 OUT = exu.OutputVariableType
-ACCELERATION = OUT.Acceleration
-ZERO = (0.0, 0.0)
+OF_BODY, OF_POINT = (OUT.RotationMatrix, OUT.AngularVelocity), (OUT.Position, OUT.Velocity, OUT.Acceleration)
+ORIGIN = (0.0, 0.0, 0.0)
+KINDS = {"d": OF_POINT[2:], "along": OF_BODY + OF_POINT, "length": OF_POINT, "dot": OF_BODY, "sine": OF_BODY}
+"""What a row says -> what is read of either of its bodies."""
+End = tuple[str, tuple[float, float, float]]
+"""A body and a point of it in the model's unit."""
+Jet = tuple[Array, Array, Array]
+"""A vector, its rate, and its second derivative at qdd = 0."""
 
-Table = Sequence[Any] | Array
-"""Numbers read from exudyn, in the order in which they were asked for, each a float or an array (B,) of B states."""
-Jet = tuple[Any, Any, Any]
-"""A vector of the plane, its rate, and its second derivative at qdd = 0."""
+
+@dataclass(frozen=True, kw_only=True)
+class ExudynRow:
+    """A row of ours as row `own` of an exudyn object.
+
+    Attributes
+    ----------
+    row : int
+        Which row of the constraint it is.
+    what : str
+        With d = r_j - r_i and an axis on each body: a component of d ("d", `component`), axis_i . d ("along"),
+        axis_i . axis_j ("dot"; "sine" where both axes lie in the plane), |d| ("length"), or "" of angles alone.
+    factor, form, power : float, Form, int
+        How exudyn's row follows from ours, and the power of length that it is measured in.
+    law : int or None
+        The number of the law that moves it; of a "length" it is the distance.
+    """
+
+    name: str
+    row: int
+    item: Any
+    own: int = 0
+    what: str = ""
+    component: int = 0
+    ends: tuple[End, ...] = ()
+    axes: tuple[Any, ...] = ()
+    factor: float = 1.0
+    form: Form = LINEAR
+    power: int = 1
+    law: int | None = None
 
 
 class Readings:
-    """Outputs of exudyn's bodies, by the names of ours; points are given in metres, read in the model's unit."""
+    """Outputs of exudyn's bodies, by the names of ours, at points in the model's unit."""
 
-    def __init__(self, mbs: Any, bodies: Mapping[str, Any], unit: Unit) -> None:
-        self.output, self.bodies, self.unit = mbs.GetObjectOutputBody, bodies, unit
-        self._asked: dict[tuple[Any, ...], int] = {}
-        self._calls: list[tuple[Any, Any, list[float]]] = []
-        self._size = 0
+    def __init__(self, mbs: Any, bodies: Mapping[str, Any]) -> None:
+        self._output, self._bodies = mbs.GetObjectOutputBody, bodies
+        self._calls: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+        self._read: dict[tuple[Any, ...], Array] = {}
+
+    def ask(self, row: ExudynRow) -> None:
+        """Ask for what a row's second derivative is made of."""
+        for body, u in row.ends:
+            for kind in KINDS[row.what] if body != GROUND else ():
+                point = ORIGIN if kind in OF_BODY else u
+                self._calls[body, kind, point] = self._bodies[body], kind, point
 
     def now(self) -> list[Array]:
-        """Return all that was asked for, at the present state: what `table` puts in order."""
-        output = self.output
-        return [output(*call) for call in self._calls]
+        """Return all that was asked for, at the present state."""
+        output = self._output
+        return [output(*call) for call in self._calls.values()]
 
-    def table(self, states: Sequence[list[Array]]) -> Array:
-        """Return what was read at B states as rows (size, B)."""
-        read = list(chain.from_iterable(states))
-        return np.concatenate(read).reshape(len(states), -1).T if read else np.zeros((0, len(states)))
+    def keep(self, states: Sequence[list[Array]]) -> None:
+        """Take in what was read at B states."""
+        self._read = dict(zip(self._calls, map(np.array, zip(*states, strict=True)), strict=False))
 
-    def local(self, body: str, point: Pair) -> list[float]:
-        """Return a point of a body as exudyn wants it: in the model's unit, three components."""
-        ox, oy = self.unit.origin if body == GROUND else ZERO
-        return [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
+    def bend(self, row: ExudynRow, f: Sequence[Array]) -> Array:
+        """Return the second derivative (B,) of what a row says at qdd = 0; f are its law and two derivatives, (B,)."""
+        if row.what == "d":
+            return self._gap(row.ends, 2)[:, row.component] - f[2]
+        if row.what == "along":
+            return product(self.gap(row.ends), self.axis(row.ends[0][0], row.axes[0])) - f[2]
+        if row.what == "length":
+            d = self.gap(row.ends)
+            if row.law is not None:
+                return 0.5 * product(d, d) - f[1] * f[1] - f[0] * f[2]
+            length = np.sqrt(dot(d[0], d[0]))  # |d| |d|'' + |d|'^2 = (d . d)'' / 2
+            return (0.5 * product(d, d) - (dot(d[0], d[1]) / length) ** 2) / length
+        if not row.what:
+            return -f[2]
+        i, j = (self.axis(body, axis) for (body, _), axis in zip(row.ends, row.axes, strict=True))
+        if row.what == "dot":
+            return product(i, j)
+        w = [self._of_body(body, OF_BODY[1]) for body, _ in row.ends]  # against each other they turn with w: -w^2 i . j
+        return -((w[1] - w[0])[..., 2] ** 2) * dot(j[0], i[0])
 
-    def _ask(self, kind: Any, body: str, point: Pair, size: int = 3) -> int:
-        """Ask for an output of a body at a point and return its place in the table."""
-        key = kind, body, point
-        if key not in self._asked:
-            self._asked[key], self._size = self._size, self._size + size
-            self._calls.append((self.bodies[body], kind, self.local(body, point)))
-        return self._asked[key]
+    def gap(self, ends: Sequence[End]) -> Jet:
+        """Return the vector from point to point."""
+        return self._gap(ends, 0), self._gap(ends, 1), self._gap(ends, 2)
 
-    def vector(self, kind: Any, body: str, point: Pair) -> Callable[[Table], Any]:
-        """Return what finds exudyn's position, velocity or acceleration of a point in a table."""
+    def _gap(self, ends: Sequence[End], order: int) -> Array:
+        still = np.zeros(3)
+        places = [self._read.get((body, OF_POINT[order], u), still if order else np.array(u)) for body, u in ends]
+        return places[1] - places[0]
+
+    def axis(self, body: str, u: Array) -> Jet:
+        """Return an axis (3,) or axes (B, 3) of a body, as it turns: n' = w x n, n'' = w (w . n) - w^2 n."""
         if body == GROUND:
-            x, y, _ = self.local(body, point)
-            fixed = complex(x, y) if kind == OUT.Position else 0j
-            return lambda table: fixed
-        k = self._ask(kind, body, point)
-        return lambda table: table[k] + 1j * table[k + 1]
+            return u, np.zeros(3), np.zeros(3)
+        w, turned = self._of_body(body, OF_BODY[1]), self._of_body(body, OF_BODY[0]).reshape(-1, 3, 3)
+        n = np.sum(turned * u[..., None, :], axis=-1)
+        return n, np.cross(w, n), w * dot(w, n)[:, None] - dot(w, w)[:, None] * n
 
-    def spin(self, body: str) -> Callable[[Table], Any]:
-        """Return what finds exudyn's angular velocity of a body."""
-        if body == GROUND:
-            return lambda table: 0.0
-        k = self._ask(OUT.AngularVelocity, body, ZERO)
-        return lambda table: table[k + 2]
-
-    def direction(self, body: str, u: Pair) -> Callable[[Table], Any]:
-        """Return what finds a body-fixed direction in the ground frame, by exudyn's rotation matrix."""
-        x, y = u
-        if body == GROUND:
-            return lambda table: complex(x, y)
-        k = self._ask(OUT.RotationMatrix, body, ZERO, 9)
-        return lambda a: (a[k] * x + a[k + 1] * y) + 1j * (a[k + 3] * x + a[k + 4] * y)
-
-    def direction_jet(self, body: str, u: Pair) -> Callable[[Table], Jet]:
-        """Return what finds a body-fixed direction, its rate and its second derivative, as it turns with the body."""
-        direction, spin = self.direction(body, u), self.spin(body)
-
-        def jet(table: Table) -> Jet:
-            n, w = direction(table), spin(table)
-            return n, 1j * w * n, -w * w * n
-
-        return jet
-
-    def gap(self, e: Any) -> Callable[[Table], Jet]:
-        """Return what finds d = r_j - r_i of an element between two points."""
-        levels = [[self.vector(kind, *end) for end in e.ends] for kind in (OUT.Position, OUT.Velocity, ACCELERATION)]
-
-        def jet(table: Table) -> Jet:
-            x, v, a = (j(table) - i(table) for i, j in levels)
-            return x, v, a
-
-        return jet
+    def _of_body(self, body: str, kind: Any) -> Array:
+        """Return what was read of a body; of the ground that it does not turn."""
+        return self._read.get((body, kind, ORIGIN), np.zeros(3))
 
 
-def product_drift(a: Jet, b: Jet) -> Any:
-    """Return -(a . b)'' at qdd = 0, which is -(a'' . b + 2 a' . b' + a . b'')."""
-    return -(dot(a[2], b[0]) + 2.0 * dot(a[1], b[1]) + dot(a[0], b[2]))
+def product(a: Jet, b: Jet) -> Array:
+    """Return (a . b)'' at qdd = 0, which is a'' . b + 2 a' . b' + a . b''."""
+    return dot(a[2], b[0]) + 2.0 * dot(a[1], b[1]) + dot(a[0], b[2])
 
 
-def dot(a: Any, b: Any) -> Any:
-    """Return the scalar product."""
-    return a.real * b.real + a.imag * b.imag
+def dot(a: Array, b: Array) -> Array:
+    """Return the scalar products."""
+    return np.sum(a * b, axis=-1)

@@ -19,9 +19,8 @@ displacement        the same as h_i.d, marker i shifted by f at each time       
 
 A generic joint that holds two rotations at once has other rows. Rows of displacements and rotations that it leaves free
 are exudyn's multipliers; they are not read. Its Jacobian with respect to Euler parameters is right after projection on
-columns (v, w) alone, which is how it is read here. It knows no rate of a driver and no drift term of its own: f' is
-added by the adapter, and drift terms are put together from its point accelerations, which at zero q'' are w x (w x u),
-its angular velocities and rotation matrices.
+columns (v, w) alone, which is how it is read here. It knows no rate of a driver: f' is added by the adapter. Drift
+terms are made as in the plane (`readings`): at zero q'' accelerations of points are w x (w x u).
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
+from crosscheck.engines.exudyn.readings import OUT, ExudynRow, Readings, product
 from crosscheck.engines.frames import Length, Linear, RowMap
 from crosscheck.engines.spatial.reading import (
     COUNTED,
@@ -79,27 +78,13 @@ STILL_TERMS = tuple(
     )
 )
 """What rows of turns lose by that: of rates 2 + 1 roundings for each body, of drift terms 2 + 2."""
-OUT = exu.OutputVariableType
-OF_BODY, OF_POINT = (OUT.RotationMatrix, OUT.AngularVelocity), (OUT.Position, OUT.Velocity, OUT.Acceleration)
-Readings = dict[tuple[str, Any, tuple[float, ...]], Array]
-"""(body, what exudyn tells of it, at which of its points) -> that at each of B configurations, (B, 3) or (B, 9)."""
 
 
-@dataclass(frozen=True)
-class ExudynRow:
-    """One row of ours: what of a joint it says, which of an exudyn object's rows it is, and by which factor.
-
-    `what` is ("d", component), ("dot", a, b), ("along", a), ("length",), or ("turned",) of a driven angle; `drive`
-    moves it by a law.
-    """
+@dataclass(frozen=True, kw_only=True)
+class SpatialRow(ExudynRow):
+    """A row of a joint, or of the driver of one; a shift along an axis is by the place of a marker."""
 
     hold: Hold
-    what: tuple[Any, ...]
-    row: int
-    name: str
-    object: Any
-    own: int
-    factor: float = 1.0
     drive: Drive | None = None
     marker: Any = None
 
@@ -121,14 +106,15 @@ class ExudynSpace(ExudynSystem):
             node = self.mbs.AddNode(item.NodeRigidBodyEP(referenceCoordinates=STILL.tolist()))
             rigid = item.ObjectRigidBody(nodeNumber=node, mass=0.0, inertia=[0.0] * 6)
             self.bodies[body] = self.mbs.AddObject(rigid)
-        self.lines: list[ExudynRow] = []
+        self.lines: list[SpatialRow] = []
+        self.read = Readings(self.mbs, self.bodies)
         for hold in holds:
             self._joint(hold)
         for drive in drives:
             self._driver(drive)
         self.mbs.Assemble()
         self.begin(redundant=True)  # rows may depend on each other, spins idle
-        self.live = [list(self.data.GetObjectLTGAE(line.object))[line.own] for line in self.lines]
+        self.live = [list(self.data.GetObjectLTGAE(line.item))[line.own] for line in self.lines]
         self.driven = [(k, line, line.drive) for k, line in enumerate(self.lines) if line.drive is not None]
         self.t, self.f = np.nan, [np.nan] * len(self.driven)
         self.still, self.no_forces = np.tile(STILL, len(numbers.bodies)), np.zeros(self.m)
@@ -144,13 +130,24 @@ class ExudynSpace(ExudynSystem):
         held, frames = [int(k == axis) for k in range(6)], {"rotationMarker0": i, "rotationMarker1": j}
         return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
+    def _add(self, hold: Hold, number: Any, **more: Any) -> None:
+        """Take in a row of a joint, or of a driver, as a row of an exudyn object."""
+        frames, ends = (hold.frame_i, hold.frame_j), tuple((b, tuple(map(float, hold.end(b)[0]))) for b in hold.bodies)
+        which = more.pop("which", ())
+        axes = tuple(frame[:, k] for frame, k in zip(frames, which, strict=False))
+        line = SpatialRow(**{"name": hold.name, "hold": hold, "item": number, "ends": ends, "axes": axes, **more})
+        self.lines.append(line)
+        self.read.ask(line)
+
     def _joint(self, hold: Hold) -> None:
         if hold.kind in COUNTED | {JointKind.OTHER}:
             raise EngineRefusal(f"exudyn refuses {hold.kind} {hold.name!r}: it has no such joint")
-        first = len(self.lines)
+        ours = iter(hold.rows)
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
-            self.lines.append(ExudynRow(hold, what, hold.rows[len(self.lines) - first], hold.name, number, own, factor))
+            said: dict[str, Any] = {"component": what[1]} if what[0] == "d" else {"which": what[1:]}
+            form = Length(hold.length) if what[0] == "length" else Linear()
+            self._add(hold, number, row=next(ours), own=own, what=what[0], factor=factor, form=form, **said)
 
         if hold.kind == JointKind.REVOLUTE:
             frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
@@ -176,18 +173,18 @@ class ExudynSpace(ExudynSystem):
     def _driver(self, drive: Drive) -> None:
         hold = drive.hold
         markers = self._markers(hold)
+        more: dict[str, Any] = {"name": drive.name, "row": drive.row, "drive": drive}
         if drive.kind == JointKind.DISTANCE:
             rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
-            line = ExudynRow(hold, ("length",), drive.row, drive.name, rod, 0, 1.0, drive)
+            self._add(hold, rod, what="length", law=0, **more)
         elif drive.kind == JointKind.ANGLE:
             joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
-            line = ExudynRow(hold, ("turned",), drive.row, drive.name, joint, 5, 1.0, drive)
+            self._add(hold, joint, own=5, what="dot", which=(G, F), **more)
         elif drive.kind == JointKind.DISPLACEMENT:
             joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
-            line = ExudynRow(hold, ("along", H), drive.row, drive.name, joint, 2, 1.0, drive, markers[0])
+            self._add(hold, joint, own=2, what="along", which=(H,), marker=markers[0], **more)
         else:
             raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
-        self.lines.append(line)
 
     # states
 
@@ -205,12 +202,12 @@ class ExudynSpace(ExudynSystem):
             return
         self.f = [float(law_value(drive, t, 0)) for _, _, drive in self.driven]
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
-            if line.what == ("length",):
+            if line.what == "length":
                 if not f > 0.0:
                     raise EngineError(f"exudyn: driver {line.name!r} at t = {t!r}: a distance of {f!r}")
-                self.set_length(line.object, line.name, t, f)
-            elif line.what == ("turned",):
-                self.mbs.SetObjectParameter(line.object, "rotationMarker1", line.hold.frame_i @ about_z(f))
+                self.set_length(line.item, line.name, t, f)
+            elif line.what == "dot":
+                self.mbs.SetObjectParameter(line.item, "rotationMarker1", line.hold.frame_i @ about_z(f))
             else:
                 place = line.hold.u_i + f * line.hold.frame_i[:, H]
                 self.mbs.SetMarkerParameter(line.marker, "localPosition", place.tolist())
@@ -225,7 +222,7 @@ class ExudynSpace(ExudynSystem):
 
     def lengths(self) -> Sequence[tuple[int, float]]:
         moved = zip(self.f, self.driven, strict=True)
-        return [(self.live[k], f) for f, (k, line, _) in moved if line.what == ("length",)]
+        return [(self.live[k], f) for f, (k, line, _) in moved if line.what == "length"]
 
     def residual(self, q: Array, t: float) -> Array:
         """Return its rows (m,) at a configuration; that of a driven distance as (d . d - f^2) / 2."""
@@ -253,9 +250,9 @@ class ExudynSpace(ExudynSystem):
         out = np.zeros(len(self.lines))
         for f, (k, line, drive) in zip(self.f, self.driven, strict=True):
             fd = law_value(drive, t, 1)
-            if line.what == ("length",):
+            if line.what == "length":
                 out[k] = -f * fd
-            elif line.what[0] == "along":
+            elif line.what == "along":
                 out[k] = -fd
             else:  # g_i turned by f, times f_j: the rate of the turned vector is minus f_i turned
                 frame = self._turned(line.hold.body_i) @ line.hold.frame_i @ about_z(f)
@@ -264,56 +261,29 @@ class ExudynSpace(ExudynSystem):
 
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
         """Return gamma (B, m) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
-        read = self._readings(q, qd, t.tolist())
-        return np.stack([-self._bend(line, t, read) for line in self.lines], axis=1)
+        states = []
+        for each in zip(q, t.tolist(), qd, strict=True):
+            self.set_state(*each)
+            states.append(self.read.now())
+        self.read.keep(states)
+        return np.stack([-self._bend(line, t) for line in self.lines], axis=1)
 
-    def _bend(self, line: ExudynRow, t: Array, read: Readings) -> Array:
+    def _bend(self, line: SpatialRow, t: Array) -> Array:
         """Return the second derivatives (B,) of one row."""
         hold = line.hold
         f = [0.0 * t if line.drive is None else law_value(line.drive, t, k) for k in range(3)]
-        if line.what[0] in ("d", "length", "along"):
-            d = _gap(read, hold)
-        if line.what[0] == "d":
-            return line.factor * d[2][:, line.what[1]]
-        if line.what == ("length",):
-            if line.drive is not None:
-                return _dot(d[1], d[1]) + _dot(d[0], d[2]) - f[1] ** 2 - f[0] * f[2]
-            length = np.sqrt(_dot(d[0], d[0]))
-            return (_dot(d[1], d[1]) + _dot(d[0], d[2]) - (_dot(d[0], d[1]) / length) ** 2) / length
-        if line.what[0] == "along":
-            return _product(_axis(read, hold.body_i, hold.frame_i[:, line.what[1]]), d) - f[2]
-        a, b = line.what[1:] if line.drive is None else (G, F)
-        j = _axis(read, hold.body_j, hold.frame_j[:, b])
-        if line.drive is None:
-            return _product(_axis(read, hold.body_i, hold.frame_i[:, a]), j)
+        if line.drive is None or line.what != "dot":
+            return line.factor * self.read.bend(line, f)
         frame = np.array([hold.frame_i @ about_z(angle) for angle in f[0]])
-        x, y = (_axis(read, hold.body_i, frame[..., k]) for k in (G, F))  # x' loses f' y, y' gains f' x
+        x, y = (self.read.axis(hold.body_i, frame[..., k]) for k in (G, F))  # x' loses f' y, y' gains f' x
         f1, f2 = f[1][:, None], f[2][:, None]
         turned = (x[0], x[1] - f1 * y[0], x[2] - 2.0 * f1 * y[1] - f2 * y[0] - f1**2 * x[0])
-        return _product(turned, j)
-
-    # readings
+        return product(turned, self.read.axis(hold.body_j, line.axes[1]))
 
     def _turned(self, body: str) -> Array:
         if body == GROUND:
             return np.eye(3)
         return self.mbs.GetObjectOutputBody(self.bodies[body], OUT.RotationMatrix).reshape(3, 3)
-
-    def _readings(self, q: Array, qd: Array, t: Sequence[float]) -> Readings:
-        """Return what its rows' second derivatives are made of at some configurations, each read once."""
-        wanted = {
-            (body, kind, tuple(map(float, point))): None
-            for line in self.lines
-            for body in line.hold.bodies
-            if body != GROUND
-            for kinds, point in ((OF_BODY, (0.0, 0.0, 0.0)), (OF_POINT, line.hold.end(body)[0]))
-            for kind in kinds
-        }
-        read = []
-        for each in zip(q, t, qd, strict=True):
-            self.set_state(*each)
-            read.append([self.mbs.GetObjectOutputBody(self.bodies[body], kind, u) for body, kind, u in wanted])
-        return {key: np.array(column) for key, column in zip(wanted, zip(*read, strict=True), strict=True)}
 
 
 def law_value(drive: Drive, t: Any, order: int) -> Any:
@@ -321,44 +291,10 @@ def law_value(drive: Drive, t: Any, order: int) -> Any:
 
     Parameters
     ----------
-    drive : Drive
-    t : float or (B,) array
-        Times [s].
-    order : int
-        Of the derivative; 0 for the law itself.
+    drive, t, order : Drive, float or (B,) array, int
+        At times [s]; order 0 is the law itself.
     """
     return (drive.law(t, order) + 0.0 * t) / drive.size
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Return the scalar products of vectors (3,) or (B, 3)."""
-    return (a[..., None, :] @ b[..., None])[..., 0, 0]
-
-
-def _product(a: Any, b: Any) -> Array:
-    """Return (a . b)'' from vectors with two derivatives."""
-    return _dot(a[2], b[0]) + 2.0 * _dot(a[1], b[1]) + _dot(a[0], b[2])
-
-
-def _axis(read: Readings, body: str, u: Array) -> tuple[Array, Array, Array]:
-    """Return an axis of a body, its rate, and its second derivative while w stays as it is."""
-    if body == GROUND:
-        return u, np.zeros(3), np.zeros(3)
-    rotation, w = (read[body, kind, (0.0, 0.0, 0.0)] for kind in OF_BODY)
-    axis = (rotation.reshape(-1, 3, 3) @ u[..., None])[..., 0]
-    rate = np.cross(w, axis)
-    return axis, rate, np.cross(w, rate)
-
-
-def _gap(read: Readings, hold: Hold) -> tuple[Array, Array, Array]:
-    """Return the vector between the points of a joint, its rate and its second derivative."""
-    ends = []
-    for body in hold.bodies:
-        u = tuple(map(float, hold.end(body)[0]))
-        at_rest = (np.array(u), np.zeros(3), np.zeros(3))
-        ends.append(at_rest if body == GROUND else tuple(read[body, kind, u] for kind in OF_POINT))
-    (x, v, a), (y, w, b) = ends
-    return y - x, w - v, b - a
 
 
 class ExudynSpaceRows(ExudynSpace):
@@ -375,12 +311,6 @@ class ExudynSpaceRows(ExudynSpace):
         drives = [d for d in numbers.drives if d.name in known and d.hold.name not in counted]
         super().__init__(numbers, holds, drives)
         self.rows: Sequence[RowMap] = tuple(
-            RowMap(
-                constraint=line.name,
-                row=line.row,
-                engine_row=k,
-                factor=line.factor,
-                form=Length(line.hold.length) if line.what == ("length",) and line.drive is None else Linear(),
-            )
+            RowMap(constraint=line.name, row=line.row, engine_row=k, factor=line.factor, form=line.form)
             for k, line in enumerate(self.lines)
         )
