@@ -116,6 +116,11 @@ def by_level(rows: Capability, solve: Capability) -> dict[Level, Capability]:
     return {**dict.fromkeys(Level, rows), Level.SOLVE: solve}
 
 
+def native_but(**exceptions: Capability) -> dict[Level, Capability]:
+    """Return the capability at each level: native but for the exceptions."""
+    return {level: exceptions.get(level.value, NATIVE) for level in Level}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Term:
     """An error that an engine adds by its own doing, as a bound of the scaled residual at one level.

@@ -17,7 +17,6 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import (
-    NATIVE,
     Capabilities,
     Capability,
     ConstraintModel,
@@ -28,6 +27,7 @@ from crosscheck.engines import (
     derived,
     expressed,
     in_space,
+    native_but,
     refused,
     route_by,
 )
@@ -59,11 +59,19 @@ STATIC = route_by(
 SHIPPED = replace(STATIC, name="shipped", newton_by="exudyn (SolveStatic, default settings)")
 
 _SOLVED = Capability(Support.NATIVE, "positions; the linear systems of velocity and acceleration are the adapter's")
-_ROWS = {Level.RESIDUAL: NATIVE, Level.JACOBIAN: NATIVE, Level.CONSTRAINT_VELOCITY: NATIVE, Level.SOLVE: _SOLVED}
-_FROM_POINTS = {**_ROWS, Level.DRIFT: derived("exudyn's point accelerations at qdd = 0, combined by the adapter")}
-_FROM_LAW = {**_ROWS, Level.DRIFT: derived("exudyn takes no second derivative of a driver: f'' by the adapter")}
-_OF_A_POINT = {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")}
-_LINEAR = {**_ROWS, Level.DRIFT: derived("a linear row: the adapter knows that nothing drifts")}
+
+
+def _rows(drift: str) -> dict[Level, Capability]:
+    return native_but(drift=derived(drift), solve=_SOLVED)
+
+
+_FROM_POINTS = _rows("exudyn's point accelerations at qdd = 0, combined by the adapter")
+_FROM_AXES = _rows("the adapter's product rule on exudyn's rotations, rates and accelerations")
+_LINEAR = _rows("a linear row: the adapter knows that nothing drifts")
+_SET = {
+    **_rows("the adapter's product rule; f' and f'' by the adapter"),
+    Level.CONSTRAINT_VELOCITY: derived("a frame that is set anew at each time takes no rate: f' by the adapter"),
+}
 _CYLINDER = {
     Level.RESIDUAL: derived("exudyn's |d| - f, f set by the adapter, turned into (d . d - f^2) / 2"),
     Level.JACOBIAN: derived("exudyn's row of |d|, scaled by the adapter"),
@@ -71,23 +79,14 @@ _CYLINDER = {
     Level.DRIFT: derived("exudyn's point motion, combined by the adapter; f' and f'' by the adapter"),
     Level.SOLVE: derived("exudyn's distance is set anew at each time and takes no rate: f' by the adapter"),
 }
-_FROM_AXES = {
-    **_ROWS,
-    Level.DRIFT: derived("the adapter's product rule on exudyn's rotations, rates and accelerations"),
-}
-_SET = {
-    **_ROWS,
-    Level.CONSTRAINT_VELOCITY: derived("a frame that is set anew at each time takes no rate: f' by the adapter"),
-    Level.DRIFT: derived("the adapter's product rule; f' and f'' by the adapter"),
-}
 CAPABILITIES: Capabilities = {
     "points coincide": _FROM_POINTS,
     "point on line": _FROM_POINTS,
     "distance": _FROM_POINTS,
     "distance by a law": _CYLINDER,
-    "coordinate by a law": _OF_A_POINT,
+    "coordinate by a law": _rows("exudyn's point acceleration at qdd = 0; f'' by the adapter"),
     "angle": _LINEAR,
-    "angle by a law": _FROM_LAW,
+    "angle by a law": _rows("exudyn takes no second derivative of a driver: f'' by the adapter"),
     "rolling wheels": _LINEAR,
     "points of space coincide": _FROM_POINTS,
     "distance of space": _FROM_POINTS,
@@ -114,10 +113,7 @@ class Exudyn(SimulatingAdapter):
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what exudyn's stopping rule leaves of the residual, on `static` nothing; and what its nodes round.
 
-        Raises
-        ------
-        EngineError
-            As `solve`: the rule of `shipped` depends on the start.
+        Raises as `solve`: the rule of `shipped` depends on the start.
         """
         nodes = STILL_TERMS if in_space(scene.mechanism) else ()
         if route in (None, STATIC, INITIAL):

@@ -30,13 +30,7 @@ UNEVEN = 1e-9
 
 
 class Integration:
-    """A scene in exudyn's time integration.
-
-    Raises
-    ------
-    EngineError
-        If it cannot take the scene.
-    """
+    """A scene in exudyn's time integration; EngineError if that cannot take it."""
 
     def __init__(self, scene: Scene, unit: Unit, start: Any) -> None:
         _check(scene)
@@ -114,8 +108,7 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
 
     Parameters
     ----------
-    scene, motion : Scene, Motion
-    unit : Unit
+    scene, motion, unit : Scene, Motion, Unit
     """
     assert motion.qd is not None
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, mass=1.0)

@@ -316,12 +316,8 @@ def stopping_rule(residual: Array, values: Array, lengths: Sequence[Array], fact
 
     Parameters
     ----------
-    residual : array
-        At the estimate.
-    values : (laws, T) array
-        Of the drivers' laws.
-    lengths : sequence of (T,) array
-        The distances of drivers, in sizes.
+    residual, values, lengths : array, (laws, T) array, sequence of (T,) array
+        At the estimate; of the drivers' laws; the distances of drivers, in sizes.
     factor, unit : float, str
         By which exudyn's residual, in this unit, becomes the scaled one.
     """
@@ -373,11 +369,8 @@ def rates_at(model: ExudynModel, q: Array, times: Array, order: int) -> list[Arr
 
     Parameters
     ----------
-    model : ExudynModel
-    q : (B, n) array
-        Poses.
-    times : (B,) array
-        Theirs [s].
+    model, q, times : ExudynModel, (B, n) array, (B,) array
+        Whose poses, at which times [s].
     order : int
         0 for none, 1 for velocities, 2 for accelerations too.
     """

@@ -34,13 +34,7 @@ CORRECTIONS, SETTLED = 4, 4.0 * EPS
 
 
 class SpaceModel:
-    """exudyn's model of a scene of space, which may be solved again and again.
-
-    Raises
-    ------
-    EngineError
-        If a body has no estimate, or exudyn cannot express a joint.
-    """
+    """exudyn's model of a scene of space, to be solved again and again; EngineError for a twist, or no estimate."""
 
     def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
         self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from crosscheck.engines import (
-    NATIVE,
     Capabilities,
     Capability,
     ConstraintModel,
@@ -26,6 +25,7 @@ from crosscheck.engines import (
     derived,
     expressed,
     in_space,
+    native_but,
     refusals,
     refuse,
     refused,
@@ -58,20 +58,15 @@ SPATIAL = (
 )
 
 
-def _levels(**exceptions: Capability) -> dict[Level, Capability]:
-    """Return the capability at each level: native but for the exceptions."""
-    return {level: exceptions.get(level.value, NATIVE) for level in Level}
-
-
 _BY_PARTS = derived(
     "no such equality: product rule in the adapter, on the numbers of a connect and of the guide's frame"
 )
-_LINE = _levels(
+_LINE = native_but(
     jacobian=_BY_PARTS,
     drift=_BY_PARTS,
     solve=derived("a tree joint is MuJoCo's own; for a closing one the adapter forms the drift term"),
 )
-_LAW = _levels(
+_LAW = native_but(
     constraint_velocity=Capability(Support.NATIVE, "phi_q qd alone: MuJoCo knows no rate of a law"),
     drift=derived("f'' is added by the adapter"),
     solve=derived("the adapter appends the row, on MuJoCo's motion of the body"),
@@ -83,17 +78,17 @@ _NO_ROW = refused("MuJoCo has no equality of this kind in space")
 _EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
 
 CAPABILITIES: Capabilities = {
-    "points coincide": _levels(),
+    "points coincide": native_but(),
     "point on line": _LINE,
-    "distance": _levels(drift=_BIAS, solve=_BIAS),
-    "angle": _levels(),
-    "rolling wheels": _levels(),
+    "distance": native_but(drift=_BIAS, solve=_BIAS),
+    "angle": native_but(),
+    "rolling wheels": native_but(),
     "angle by a law": _LAW,
     "coordinate by a law": _LAW,
     "distance by a law": by_level(_SQUARED, _LAW[Level.SOLVE]),
-    "points of space coincide": _levels(),
-    "axes parallel": _levels(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
-    **dict.fromkeys(("turn about axis", "twist about axis"), _levels(solve=_EDGE_OR_ROW)),
+    "points of space coincide": native_but(),
+    "axes parallel": native_but(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
+    **dict.fromkeys(("turn about axis", "twist about axis"), native_but(solve=_EDGE_OR_ROW)),
     "screw": by_level(_NO_ROW, derived("a slide that the adapter moves with its hinge")),
     **dict.fromkeys(
         ("axes perpendicular", "point on axis", "point in plane", "distance of space"), by_level(_NO_ROW, _EDGE_OR_ROW)
