@@ -21,7 +21,6 @@ from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.engines.mujoco import rows as mujoco_rows
 from crosscheck.engines.pinocchio import engine as pin_engine
 from crosscheck.engines.tree import tree_system
-from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.measure.check import check
 from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
 from refkin.joints import AngleDriver, Distance, PointOnLine, Revolute, planar
@@ -170,8 +169,8 @@ def stale_points(right: Any, self: Any, q: Any, *more: Any) -> Any:
 
 
 def law_without(missing: int) -> Any:
-    def law(right: Any, self: Any, driver: Any, t: Any, order: int) -> Any:
-        return 0.0 * t if order == missing else right(self, driver, t, order)
+    def law(right: Any, self: Any, t: Any, order: int) -> Any:
+        return 0.0 * t if order == missing else right(self, t, order)
 
     return law
 
@@ -274,10 +273,10 @@ OF_ADAPTERS = {
         "position",
     ),
     "joint trees: a driver whose rate is forgotten": Fault(
-        around(TreeSystem, "_law", law_without(1)), FOUR_BAR, BY_TREE, "velocity", ("position",)
+        around(poses.Tabulated, "__call__", law_without(1)), FOUR_BAR, BY_TREE, "velocity", ("position",)
     ),
     "joint trees: a driver whose acceleration is forgotten": Fault(
-        around(TreeSystem, "_law", law_without(2)), FOUR_BAR, BY_TREE, "acceleration", ("position", "velocity")
+        around(poses.Tabulated, "__call__", law_without(2)), FOUR_BAR, BY_TREE, "acceleration", ("position", "velocity")
     ),
     "closed form: a length off by 1e-9": Fault(
         around(linkage, "_local", place_off), FOUR_BAR, ("closed_form",), "position"

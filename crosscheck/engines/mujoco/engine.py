@@ -113,13 +113,7 @@ class Mujoco(SimulatingAdapter):
     solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
-        """Return MuJoCo's rows, for the joints it does not refuse, in a model with coordinates (x, y, phi) per body.
-
-        Raises
-        ------
-        EngineError
-            If it refuses all of them; the message names each and why.
-        """
+        """Return MuJoCo's rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
         if in_space(scene.mechanism):
             return SpaceRows(scene.mechanism, scene.mechanism.joints, MujocoSpace, welds=0.5)
         known = expressed(self, scene, Level.RESIDUAL)

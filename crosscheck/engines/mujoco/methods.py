@@ -93,13 +93,9 @@ class Samples:
         self.sensed = self.batch.bind("sensordata")
 
     def solved(self, guess: Any, rates: Any, order: int) -> list[Any]:
-        """Return coordinates and rates (count, n) up to an order; NaN where Newton does not end.
+        """Return coordinates and rates (count, n) up to an order from a guess like them; NaN where Newton does not end.
 
-        Parameters
-        ----------
-        guess : (count, n) array
-        rates : (2, count, d) or (2, 1, d) array
-            Rate and acceleration of the prescribed coordinates.
+        `rates`, (2, count, d) or (2, 1, d), are rate and acceleration of the prescribed coordinates.
         """
         free, held = self.free, self.held
         self.q[:] = guess

@@ -94,7 +94,8 @@ class Plan:
         moves = edge.freedom is not Freedom.NONE
         place = self.place(edge.parent, edge.point)
         body = self.bodies[edge.parent].add_body(name=f"b{k}", pos=place, **MASSES[moves])
-        _turn(body, edge.angle)
+        body.alt.type = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
+        body.alt.axisangle = [0.0, 0.0, 1.0, edge.angle]
         hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
         axes: dict[Freedom, list[tuple[Any, list[float]]]] = {
             Freedom.NONE: [],
@@ -228,13 +229,7 @@ def kinematic_spec() -> Any:
 
 
 def compiled(spec: Any) -> Any:
-    """Return the model of a specification; from then on MuJoCo writes no log, neither to the console nor to a file.
-
-    Raises
-    ------
-    EngineError
-        If MuJoCo does not take the numbers.
-    """
+    """Return the model of a specification; from then on MuJoCo writes no log. EngineError for numbers it refuses."""
     log = mujoco.MjLogConfig.get()
     log.logto_file = log.logto_console = False
     log.set()
@@ -252,14 +247,9 @@ def add_equality(spec: Any, kind: Any, between: Any, *names: str, **more: Any) -
 
     Parameters
     ----------
-    spec : mujoco.MjSpec
-    kind : mujoco.mjtEq
-    between : mujoco.mjtObj
-        What kind of things it is between.
-    *names : str
-        Of one thing, or of two.
-    **more
-        Further attributes of the equality.
+    spec, kind : mujoco.MjSpec, mujoco.mjtEq
+    between, *names, **more
+        What kind of things it is between (mujoco.mjtObj), the names of one or two, further attributes of the equality.
     """
     added = spec.add_equality(name=f"e{len(spec.equalities)}", type=kind, objtype=between, **more)
     added.name1, added.name2 = (*names, "")[:2]
@@ -274,11 +264,6 @@ def switch_on(spec: Any, *effects: str) -> None:
 
 def _bit(effect: str) -> int:
     return int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{effect}"))
-
-
-def _turn(item: Any, angle: float) -> None:
-    """Turn a body or a site by an angle [rad] against what it is on."""
-    item.alt.type, item.alt.axisangle = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE, [0.0, 0.0, 1.0, angle]
 
 
 def _of_order_one(axis: joints.Pair) -> joints.Pair:

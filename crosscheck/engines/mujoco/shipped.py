@@ -60,13 +60,7 @@ def soft(freedoms: int) -> Term:
 
 
 def stepped(tree: JointTree, scene: Scene) -> MarchResult:
-    """Return the tree coordinates at all times of a scene.
-
-    Raises
-    ------
-    EngineError
-        If a joint that closes a loop has no equality constraint in MuJoCo.
-    """
+    """Return the tree coordinates at all times of a scene; EngineError if no equality constraint closes a loop."""
     plan = Plan(tree, (*tree.closures, *tree.driven))
     if plan.guides:
         raise EngineRefusal(
@@ -94,12 +88,7 @@ class SpaceSimulation(MujocoSpace):
     A screw is tied to its slide by an equality of two joints, distances are equalities of tendons, and drivers set the
     value of a joint or of a tendon's length. By default nothing brakes the spin of a body between two spherical joints;
     as its mass lies on the line of the two and its inertias are alike, the spin pulls at nothing, and is not asked to
-    rest.
-
-    Raises
-    ------
-    EngineError
-        If a joint that closes a loop, or a driver, has no equality constraint in MuJoCo.
+    rest. A loop or a driver that no equality constraint holds is refused.
     """
 
     def __init__(self, system: SpaceSystem) -> None:

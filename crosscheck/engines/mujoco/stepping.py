@@ -112,7 +112,7 @@ def _stepping(name: str, setting: Setting, wording: str = "") -> Method:
 
 def _stepped(setting: Setting, scene: Scene) -> Model:
     stepper = MujocoStepper(scene)
-    return Model(partial(stepper.solve, setting, stepper.clockwork(setting.steps)), stepper.tree.read)
+    return Model(partial(stepper.solve, setting, stepper.tree.clockwork(setting.steps)), stepper.tree.read)
 
 
 def _relaxed(count: int, scene: Scene) -> Model:
@@ -126,29 +126,19 @@ def tree_of(scene: Scene) -> Tree:
 
 
 class MujocoStepper:
-    """A scene in MuJoCo's own dynamics.
-
-    Raises
-    ------
-    EngineError
-        If a loop is closed by something that is no constraint force of MuJoCo's, or a driver holds no coordinate.
-    """
+    """A scene in MuJoCo's own dynamics; EngineError where these close no loop so, or a driver holds no coordinate."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.tree = scene, tree_of(scene)
         left_open = [e for e in self.tree.system.tree.closures if not isinstance(e, PointsCoincide | RelativeAngle)]
         if left_open:
             raise EngineError(f"joint {left_open[0].name!r} closes a loop and is no constraint force of MuJoCo's")
-        self.clockwork(1)
+        self.tree.clockwork(1)
         engine: Any = self.tree.engine
         self.model, self.data = engine.model, engine.data
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(engine.tree.width)], int)
         self.q, self.qd = self.tree.first()
         self.flags, self.tolerance = int(self.model.opt.disableflags), float(self.model.opt.tolerance)
-
-    def clockwork(self, steps: int) -> Clockwork:
-        """Return the prescribed coordinates at so many steps between two times."""
-        return Clockwork.of(self.tree.system.tree, self.scene.times, steps)
 
     def _set(self, integrator: str, solver: str, solref: tuple[float, float], solimp: tuple[float, float]) -> None:
         option = self.model.opt
@@ -197,7 +187,7 @@ class MujocoStepper:
 
     def relax(self, count: int, order: int) -> list[Array]:
         """Return tree coordinates at the scene's times: at each so many damped steps with the driver held still."""
-        clock = self.clockwork(1)
+        clock = self.tree.clockwork(1)
         self._set("DISCRETE", "NEWTON", (0.001, 1.0), (STIFF, STIFF))
         held, model, data = self._reset(clock, HEAVY), self.model, self.data
         model.opt.timestep, model.opt.tolerance = 1.0, 0.0

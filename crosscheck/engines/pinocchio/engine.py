@@ -100,13 +100,7 @@ class Pinocchio(SimulatingAdapter):
         return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
-        """Return Pinocchio's rows for the joints of a scene that it does not refuse.
-
-        Raises
-        ------
-        EngineError
-            If it refuses all of them; the message says why, one by one.
-        """
+        """Return Pinocchio's rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
         if in_space(scene.mechanism):
             return SpaceRows(scene.mechanism, scene.mechanism.joints, PinocchioSpace)
         known = expressed(self, scene, Level.RESIDUAL)

@@ -48,13 +48,7 @@ class Pins:
 
 
 def pins_of(scene: Scene, route: Route) -> Pins:
-    """Return the pins and driven angles of a scene.
-
-    Raises
-    ------
-    EngineRefusal
-        If it has anything else.
-    """
+    """Return the pins and driven angles of a scene; refuse one that has anything else."""
     unit, ends, driven = scene.mechanism.unit(), [], []
     for e in elements_of(scene.mechanism.constraints):
         if isinstance(e, PointsCoincide) and not e.laws:
@@ -74,14 +68,9 @@ def _scaled(unit: Unit, body: str, point: Pair) -> Pair:
 def _with_rates(
     motion: Motion, pins: Pins, route: Route, jacobian: Callable[[Array], Array], drift: Callable[[Array, Array], Array]
 ) -> Motion:
-    """Return a motion with velocity and acceleration from a feature's rows of the pins.
+    """Return a motion of all bodies with velocity and acceleration from a feature's rows of the pins.
 
-    Parameters
-    ----------
-    motion : Motion
-        Positions of all bodies, by another method of the same engine.
-    jacobian, drift : callable
-        q (3 bodies,) -> rows of the pins (m, 3 bodies); q and qd -> gamma (m,); in sizes and rad.
+    In sizes and rad these are q (3 bodies,) -> rows of the pins (m, 3 bodies), and q, qd -> gamma (m,).
     """
     columns = {name: 3 * k + 2 for k, name in enumerate(pins.bodies)}
     turning = np.zeros((len(pins.driven), 3 * len(pins.bodies)))
@@ -125,11 +114,8 @@ def with_feature(scene: Scene, motion: Motion, route: Route) -> Motion:
 
     Parameters
     ----------
-    scene : Scene
-    motion : Motion
-        By the method `joint tree`: its positions are used.
-    route : Route
-        Which feature.
+    scene, motion, route : Scene, Motion, Route
+        A motion by the method `joint tree`, whose positions are used; which feature.
     """
     pins = pins_of(scene, route)
     rows: Any = _Composite(pins) if route == COMPOSITE else _Anchors(pins)
@@ -237,12 +223,8 @@ def with_mass(planar: PlanarModel, mass: float, lever: tuple[float, float]) -> N
 
     Parameters
     ----------
-    planar : PlanarModel
-        It is changed.
-    mass : float
-        Of each; as much is its inertia, in the model's units.
-    lever : (x, y)
-        From the joint to the centre of mass.
+    planar, mass, lever : PlanarModel, float, (x, y)
+        The model is changed, in its own units; the lever leads from the joint to the centre of mass.
     """
     for joint in range(1, planar.model.njoints):
         planar.model.inertias[joint] = pin.Inertia(mass, np.array([*lever, 0.0]), mass * np.eye(3))

@@ -19,13 +19,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Model, Use, of_routes
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
 from crosscheck.engines.tree.newton import NOBODY, Clockwork, Loops, Tree, newton_methods
-from refkin.joints import PointsCoincide
 from refkin.model import Scene
 
 FLYWHEEL = 1e12
@@ -63,7 +61,8 @@ def stepping_methods() -> Iterator[Method]:
 
 def _stepped(rule: Any, stabilised: bool, steps: int, scene: Scene) -> Model:
     stepper = PinocchioStepper(tree_of(scene))
-    return Model(partial(stepper.solve, rule, stabilised, stepper.clockwork(steps)), stepper.tree.read)
+    clock = stepper.tree.clockwork(2 * steps)  # the middle of each step, too
+    return Model(partial(stepper.solve, rule, stabilised, clock), stepper.tree.read)
 
 
 def tree_of(scene: Scene) -> Tree:
@@ -72,22 +71,12 @@ def tree_of(scene: Scene) -> Tree:
 
 
 class PinocchioStepper:
-    """A scene in Pinocchio's constrained dynamics.
-
-    Raises
-    ------
-    EngineError
-        If a loop is closed by another joint than a revolute, or a driver holds no coordinate of the tree.
-    """
+    """A scene in Pinocchio's constrained dynamics; EngineError as `Tree.pinned`, or if a driver holds no coordinate."""
 
     def __init__(self, tree: Tree) -> None:
         self.tree, self.scene = tree, tree.scene
-        closures = tree.system.tree.closures
-        other = [element for element in closures if not isinstance(element, PointsCoincide)]
-        if other or not closures:
-            which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
-            raise EngineError(f"{which}: only revolute joints are priced in its constrained dynamics")
-        held = self.clockwork(1).columns
+        tree.pinned("only revolute joints are priced in its constrained dynamics")
+        held = tree.clockwork(1).columns
         engine: Any = tree.engine
         self.constraints, self.constraint_data = engine.contacts()
         self.model, self.data = engine.planar.model, engine.planar.model.createData()
@@ -97,10 +86,6 @@ class PinocchioStepper:
         pin.initConstraintDynamics(self.model, self.data, self.constraints, self.constraint_data)
         self.settings = pin.ProximalSettings(ACCURACY, COMPLIANCE, ITERATIONS)
         self.q, self.qd = tree.first()
-
-    def clockwork(self, steps: int) -> Clockwork:
-        """Return the prescribed coordinates at the beginning and the middle of so many steps between two times."""
-        return Clockwork.of(self.tree.system.tree, self.scene.times, 2 * steps)
 
     def solve(self, rule: Any, stabilised: bool, clock: Clockwork, order: int) -> list[Array]:
         """Return tree coordinates and rates up to an order at the scene's times."""

@@ -163,13 +163,7 @@ class EqualAngles(Anchor):
 
 
 def _element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> PinocchioRows:
-    """Return the rows of one element, in its own order.
-
-    Raises
-    ------
-    EngineError
-        If it is of another kind.
-    """
+    """Return the rows of one element, in its own order; refuse one of another kind."""
     if isinstance(e, RelativeAngle) and not e.laws:
         frame_i, frame_j = (planar.frames[body] for body in e.bodies)
         return EqualAngles(planar, frame_i.at((0.0, 0.0), unit_vector(e.angle)), frame_j, e)

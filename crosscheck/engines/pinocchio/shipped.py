@@ -44,11 +44,8 @@ STOP = Term(
 def closed_chain(tree: JointTree, scene: Scene) -> MarchResult:
     """Return the tree coordinates at all times of a scene.
 
-    Raises
-    ------
-    EngineError
-        If a joint that closes a loop is not a revolute, or a driver does not hold the joint by which a body hangs on
-        the ground; the message names it.
+    A loop that no revolute joint closes is refused, and a driver that holds no joint by which a body hangs on the
+    ground.
     """
     return one_by_one(_chain(tree).closed, tree.start(), scene.times)
 
@@ -93,13 +90,8 @@ def _value(model: Any, data: Any) -> Any:
 class SpaceExample:
     """The same for a joint tree of space: spherical joints close loops at a point, revolutes at two of their axis.
 
-    Of redundant rows the example's loop is a noise of 1e-6 and never ends (Bennett's linkage): it says so.
-
-    Raises
-    ------
-    EngineRefusal
-        If a joint that closes a loop is neither spherical nor revolute, or a driver holds no revolute or
-        prismatic joint by which a body hangs on the ground; the message names it.
+    Of redundant rows the example's loop is a noise of 1e-6 and never ends (Bennett's linkage): it says so. Other loops
+    are refused, and drivers that hold no revolute or prismatic joint by which a body hangs on the ground.
     """
 
     def __init__(self, system: SpaceSystem) -> None:

@@ -21,9 +21,9 @@ from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, JointKind, 
 from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
-from crosscheck.scenes.names import order_of
+from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, Constraint
-from refkin.model import Effect, Mechanism, Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 Array = Any
@@ -36,17 +36,10 @@ def space_motion(
 
     Parameters
     ----------
-    scene : Scene
-    build : callable
-        What makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
-    producer : Producer
+    scene, build, producer : Scene, callable, Producer
+        `build` makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
     own : callable, optional
         What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
-
-    Raises
-    ------
-    EngineError
-        If a body of the scene has no estimate.
     """
     tree = SpaceScene.of(scene, build)
     if own is not None:
@@ -110,12 +103,9 @@ def coordinates(r: Array, p: Array, w: Array) -> list[Array]:
 
     Parameters
     ----------
-    r : (3, T, n, 3) array
-        Origins, velocities, accelerations.
-    p : (T, n, 4) array
-        Euler parameters of either sign.
-    w : (2, T, n, 3) array
-        Angular velocity and acceleration in the ground frame.
+    r, p, w : (3, T, n, 3), (T, n, 4), (2, T, n, 3) array
+        Origins with velocities and accelerations; Euler parameters of either sign; angular velocity and acceleration in
+        the ground frame.
     """
     p = np.stack([continuous(p[:, k]) for k in range(p.shape[1])], axis=1)
     turns = (p, rates(p, w[0]), bends(p, w[0], w[1]))
@@ -129,33 +119,28 @@ def reported(
 
     Parameters
     ----------
-    scene, numbers : Scene, Numbers
-    levels : list of (7 b, T) array
-        Positions, and as many rates as there are, in the numbers' unit.
-    status : sequence of Status
-        One per time.
-    producer : Producer
+    scene, numbers, producer : Scene, Numbers, Producer
+    levels, status : list of (7 b, T) array, sequence of Status
+        Positions, and as many rates as there are, in the numbers' unit; one status per time.
     **more
         Of `engine_motion`.
     """
     wanted = [7 * numbers.bodies.index(body) + k for body in scene.wanted for k in range(7)]
     known = [numbers.levels(level, order) for order, level in enumerate(levels)]
-    called = [True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects]
-    shown = [level[wanted] if there else None for level, there in zip(known, called, strict=False)]
-    points = {p.name: _point_motion(p.position, numbers.bodies.index(p.body), known, called) for p in scene.points}
-    q, qd, qdd = [*shown, None, None][:3]
-    return engine_motion(scene.times, scene.wanted, q, qd, qdd, status, producer, points=points, **more)
+    shown = called_for(scene, [level[wanted] for level in known])
+    places = ((p, 7 * numbers.bodies.index(p.body)) for p in scene.points)
+    moved = {p.name: _point_levels(p.position, [level[k : k + 7] for level in known]) for p, k in places}
+    points = {name: PointMotion(*called_for(scene, each)) for name, each in moved.items()}
+    return engine_motion(scene.times, scene.wanted, *shown, status, producer, points=points, **more)
 
 
-def _point_motion(u: Any, body: int, levels: list[Array], called: list[bool]) -> PointMotion:
+def _point_levels(u: Any, at: list[Array]) -> list[Array]:
     """Return how a point [m] of a body moves: A(p) u is a quadratic form, of which rates follow by its bilinear one."""
-    at, u = [level[7 * body : 7 * body + 7] for level in levels], np.asarray(u, float)
-    turned = [lambda: _form(at[0][3:], at[0][3:], u), lambda: 2.0 * _form(at[0][3:], at[1][3:], u)]
-    turned.append(lambda: 2.0 * _form(at[0][3:], at[2][3:], u) + 2.0 * _form(at[1][3:], at[1][3:], u))
-    parts = [
-        level[:3] + turned[k]() if there else None for k, (level, there) in enumerate(zip(at, called, strict=False))
-    ]
-    return PointMotion(*parts)  # type: ignore[arg-type]
+    (p, *rates), u = [level[3:] for level in at], np.asarray(u, float)
+    turned = [_form(p, p, u), *(2.0 * _form(p, rate, u) for rate in rates)]
+    if len(rates) > 1:
+        turned[2] += 2.0 * _form(rates[0], rates[0], u)
+    return [level[:3] + turn for level, turn in zip(at, turned, strict=True)]
 
 
 def _form(p: Array, s: Array, u: Array) -> Array:

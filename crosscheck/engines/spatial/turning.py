@@ -84,10 +84,8 @@ def bends(p: Rows, w: Rows, alpha: Rows) -> Array:
 
     Parameters
     ----------
-    p : (..., 4) array
-        Euler parameters.
-    w, alpha : (..., 3) array
-        Angular velocity and acceleration, in the ground frame.
+    p, w, alpha : (..., 4), (..., 3), (..., 3) array
+        Euler parameters, angular velocity and acceleration in the ground frame.
     """
     return 0.5 * product(_pure(alpha), p) - 0.25 * np.sum(np.square(w), axis=-1, keepdims=True) * np.asarray(p)
 

@@ -156,13 +156,7 @@ class JointTree:
         return (u[0] - ox) / self.size, (u[1] - oy) / self.size
 
     def start(self) -> Array:
-        """Return the tree coordinates (n,) nearest the bodies' estimates.
-
-        Raises
-        ------
-        EngineError
-            If a body has no estimate.
-        """
+        """Return the tree coordinates (n,) nearest the bodies' estimates; EngineError if a body has none."""
         poses = dict(self._estimated_poses())
         q = np.zeros(self.width)
         for edge in self.edges:

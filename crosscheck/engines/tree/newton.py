@@ -44,13 +44,7 @@ class Tree:
 
     @classmethod
     def of(cls, adapter: Engine, build: Callable[[Mechanism], TreeEngine], scene: Scene) -> Tree:
-        """Return a scene as the joint tree that an engine builds of its mechanism.
-
-        Raises
-        ------
-        EngineError
-            If the engine refuses a joint of the scene, or a body has no estimate, where every method starts.
-        """
+        """Return a scene as the tree an engine builds; EngineError if it refuses a joint, or a body has no estimate."""
         refuse(refusals(adapter, scene, Level.SOLVE))
         engine = build(scene.mechanism)
         tree = cls(scene, engine, TreeSystem(engine))
@@ -69,17 +63,23 @@ class Tree:
         return body_levels(self.engine, march, [body.name for body in self.scene.mechanism.bodies])
 
     def first(self) -> tuple[Array, Array]:
-        """Return the closed pose at the first time and its velocities, where a time integration starts.
-
-        Raises
-        ------
-        EngineError
-            If there is none.
-        """
+        """Return the closed pose at the first time and its velocities, where stepping starts; EngineError without."""
         pose = close(self.system, self.system.tree.start()[None], np.array([self.scene.times[0]]))
         if not pose.regular[0]:
             raise EngineError("the tree does not close at the first time, where stepping would start")
         return pose.q[0], pose.qd[0]
+
+    def clockwork(self, steps: int) -> Clockwork:
+        """Return the prescribed coordinates at so many steps between two times."""
+        return Clockwork.of(self.system.tree, self.scene.times, steps)
+
+    def pinned(self, why: str) -> None:
+        """Raise EngineError, which says why, unless its loops are closed by revolute joints alone."""
+        closures = self.system.tree.closures
+        other = [joint for joint in closures if not isinstance(joint, PointsCoincide)]
+        if other or not closures:
+            which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
+            raise EngineError(f"{which}: {why}")
 
 
 def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callable[..., Any]) -> Iterator[Method]:
@@ -87,10 +87,8 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
 
     Parameters
     ----------
-    engine : str
-        Its name.
-    tree_of, space : callable
-        Scene of the plane -> its tree; what makes the engine's model of a tree of space (`SpaceEngine`).
+    engine, tree_of, space : str, callable, callable
+        Its name; scene of the plane -> its tree; what makes its model of a tree of space (`SpaceEngine`).
     """
 
     def listed(name: str, setting: str, **stop: Any) -> Method:
@@ -170,10 +168,7 @@ def _newton(system: Equations, q: Array, t: float, limit: float, most: int) -> A
 def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
     """Return (column, offset, element) for each that a law moves: the tree coordinate it holds is its law less offset.
 
-    Raises
-    ------
-    EngineError
-        If one holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
+    EngineError if one holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
     """
     rows = []
     for e in tree.driven:
@@ -244,19 +239,10 @@ class Loops:
 
     @classmethod
     def of(cls, tree: Tree) -> Loops:
-        """Return the loops of a tree.
-
-        Raises
-        ------
-        EngineError
-            If another joint closes a loop, a driver holds no coordinate, or there are more equations than coordinates.
-        """
+        """Return the loops of a tree; EngineError as `pinned`, for other drivers than of a coordinate, or too few."""
         joints = tree.system.tree
-        other = [joint for joint in joints.closures if not isinstance(joint, PointsCoincide)]
-        if other or not joints.closures:
-            which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
-            raise EngineError(f"{which}: it is made for loops that revolute joints close")
-        clock = Clockwork.of(joints, tree.scene.times, 1)
+        tree.pinned("it is made for loops that revolute joints close")
+        clock = tree.clockwork(1)
         free = np.setdiff1d(np.arange(joints.width), clock.columns)
         if len(free) != 2 * len(joints.closures):
             raise EngineError(f"{2 * len(joints.closures)} equations of loops for {len(free)} coordinates")

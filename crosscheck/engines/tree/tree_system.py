@@ -110,13 +110,12 @@ class TreeSystem:
         return sum(parts[1:], start=parts[0])
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residual (B, m) and Jacobian (B, m, n)."""
         closures = self.engine.closure_rows
         residual = np.empty((len(t), closures + len(self.driven)))
         jacobian = np.empty((*residual.shape, self.tree.width))
         residual[:, :closures], jacobian[:, :closures], r, slopes = self.engine.closure(q, self._places)
         for k, e in enumerate(self.driven):
-            f, row = self._law(k, t, 0), closures + k
+            f, row = self._laws[k](t, 0), closures + k
             if k in self._turns:
                 turns, offset = self._turns[k]
                 jacobian[:, row], residual[:, row] = turns, q @ turns + offset - f
@@ -131,20 +130,18 @@ class TreeSystem:
         return residual, jacobian
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the velocities: zero for a closure, else the law's rate."""
         closures = self.engine.closure_rows
         right = np.zeros((len(t), closures + len(self.driven)))
-        for k in range(len(self.driven)):
-            right[:, closures + k] = self._law(k, t, 1)
+        for k, law in enumerate(self._laws, closures):
+            right[:, k] = law(t, 1)
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the accelerations."""
         closures = self.engine.closure_rows
         right = np.empty((len(t), closures + len(self.driven)))
         right[:, :closures], *levels = self.engine.closure_drift(q, qd, self._places)
         for k, e in enumerate(self.driven):
-            f, fd, fdd = (self._law(k, t, order) for order in range(3))
+            f, fd, fdd = (self._laws[k](t, order) for order in range(3))
             row = closures + k
             if isinstance(e, RelativeAngle):
                 right[:, row] = fdd
@@ -169,12 +166,7 @@ class TreeSystem:
         return self._rounding * (1.0 + largest)
 
     def extrema(self, times: Array) -> Array:
-        """Return times between those given at which a law turns back."""
         return extrema(self._laws, times)
-
-    def _law(self, k: int, t: Array, order: int) -> Any:
-        """Return the law of driven element k, or a derivative of it, in the tree's unit and from its origin."""
-        return self._laws[k](t, order)
 
 
 def _not_zero(f: Array) -> Array:
@@ -247,11 +239,6 @@ def tree_motion(
         What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
     departing : callable, optional
         What is added to qdd, likewise.
-
-    Raises
-    ------
-    EngineError
-        If a body of the scene has no estimate.
     """
     order = order_of(scene)
     poses = march(TreeSystem(engine, scene.times), engine.tree.start(), scene.times, order)
@@ -268,10 +255,8 @@ def marched_motion(engine: TreeEngine, scene: Scene, poses: MarchResult, produce
 
     Parameters
     ----------
-    engine, scene : TreeEngine, Scene
-    poses : MarchResult
-        Coordinates of the tree, found in whatever way.
-    producer : Producer
+    engine, scene, poses, producer : TreeEngine, Scene, MarchResult, Producer
+        Coordinates of the tree may be found in whatever way.
     """
     places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
@@ -293,9 +278,7 @@ def body_levels(engine: TreeEngine, march: MarchResult, bodies: Sequence[str]) -
 
     Parameters
     ----------
-    engine, march : TreeEngine, MarchResult
-    bodies : sequence of str
-        In the order that is wanted.
+    engine, march, bodies : TreeEngine, MarchResult, sequence of str
     """
     origins = _point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
     levels = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]
