@@ -94,13 +94,7 @@ class Assembly:
         return self.linkage.groups
 
     def run(self) -> RigidGroup:
-        """Join everything to the ground and return that group.
-
-        Raises
-        ------
-        NotDyadic
-            If a group is left that is not of class II, or an angle is given twice.
-        """
+        """Join everything to the ground and return that group; NotDyadic if one is left, or an angle is given twice."""
         for row in self.linkage.angles:
             self._join_families(row)
         while len(self.groups) > 1:

@@ -29,8 +29,8 @@ from crosscheck.engines import (
     Capabilities,
     EngineError,
     EngineRefusal,
-    Level,
     Term,
+    by_level,
     in_space,
     refused,
     route_by,
@@ -102,7 +102,7 @@ CHOICE = 3.0
 """How much larger the inverse of as many rows as there are coordinates may be than that of all of them together."""
 
 
-CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in EXPRESSED}
+CAPABILITIES: Capabilities = dict.fromkeys(EXPRESSED, by_level(NO_ROWS, NATIVE))
 
 
 class ClosedForm(Adapter):
@@ -116,7 +116,7 @@ class ClosedForm(Adapter):
         return (CHORDS, *JETS, _frames(scene)) if in_space(scene.mechanism) else (CHORDS,)
 
     def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion of a scene; EngineError if it is not of class II, or has redundant constraints."""
+        """Return the motion of a scene, of the plane by dyads; one is refused that is redundant, or not of class II."""
         if in_space(scene.mechanism):
             return space_closed(scene, producer, BITS)
         extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
@@ -194,13 +194,7 @@ def _blank(levels: list[Array], status: tuple[Status, ...]) -> None:
 
 
 def _residual(solution: Solution, levels: list[Array], status: tuple[Status, ...]) -> Array:
-    """Return the largest gap per time, and make sure that every joint and row of the scene is closed.
-
-    Raises
-    ------
-    EngineError
-        If one is open although every dyad was placed: a fault of this program.
-    """
+    """Return the largest gap per time; EngineError if a joint is open although every dyad was placed: a fault here."""
     gaps: Array = np.abs(solution.closure).max(axis=0)
     known = np.array([word is Status.OK for word in status])
     size = np.tile([solution.scene.mechanism.size()] * 2 + [1.0], len(solution.scene.wanted))[:, None]

@@ -309,10 +309,8 @@ def count_turns(t: np.ndarray, value: np.ndarray, rate: np.ndarray, start: float
 
     Parameters
     ----------
-    t : (T,) array
-        Times [s].
-    value, rate : (T,) array
-        The angle [rad] but for whole turns, and its rate [rad/s]; NaN where there is none.
+    t, value, rate : (T,) array
+        Times [s]; the angle [rad] but for whole turns, and its rate [rad/s]; NaN where there is none.
     start : float or None
         Near which the first angle is [rad]; None leaves it without turns.
     """

@@ -15,19 +15,12 @@ from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 
 
 def law_jet(law: Law, times: tuple[float, ...], arithmetic: Arithmetic) -> Jet:
-    """Return f, f', f'' at the times, as a jet of rows (T,).
+    """Return f, f', f'' at the times, as a jet of rows (T,); TypeError for a law that has no closed form here.
 
     Parameters
     ----------
-    law : Law
-    times : tuple of float
-        [s]
-    arithmetic : Arithmetic
-
-    Raises
-    ------
-    TypeError
-        If the law is of a kind that has no closed form here.
+    law, times, arithmetic : Law, tuple of float, Arithmetic
+        Times [s].
     """
     t = arithmetic.row(times)
     if isinstance(law, Integral):

@@ -88,13 +88,12 @@ class Intersection:
 
 
 def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Intersection:
-    """Return where two loci meet, lines before circles.
+    """Return where two loci meet.
 
     Parameters
     ----------
-    one, two : Locus
+    one, two, arithmetic : Locus, Locus, Arithmetic
         Not a circle and a line in this order.
-    arithmetic : Arithmetic
     """
     if isinstance(one, LineLocus):
         return _lines(one, two, arithmetic) if isinstance(two, LineLocus) else line_and_circle(one, two, arithmetic)
@@ -118,8 +117,7 @@ def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic
 
     Parameters
     ----------
-    line, circle : LineLocus, CircleLocus
-    arithmetic : Arithmetic
+    line, circle, arithmetic : LineLocus, CircleLocus, Arithmetic
     """
     d, radius = line.level - line.normal.dot(circle.centre), circle.square.sqrt()
     slack = radius - _magnitude(d)

@@ -38,19 +38,12 @@ class Solution:
 
 
 def assembled(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] | None = None) -> Assembly:
-    """Return a scene's groups joined.
+    """Return a scene's groups joined; NotDyadic if the linkage is not of class II.
 
     Parameters
     ----------
-    scene : Scene
-    arithmetic : Arithmetic
-    turns_of : callable, optional
-        k -> the k-th angle found, with its turns, if these are known.
-
-    Raises
-    ------
-    NotDyadic
-        If the linkage is not of class II.
+    scene, arithmetic, turns_of : Scene, Arithmetic, callable or None
+        The last: k -> the k-th angle found, with its turns, if these are known.
     """
     assembly = Assembly(read_linkage(scene, arithmetic), scene, arithmetic, turns_of=turns_of)
     assembly.run()
@@ -66,13 +59,7 @@ def _solved(scene: Scene, turns_of: Callable[[int], Any] | None = None) -> Solut
 
 
 def float_solution(scene: Scene) -> Solution:
-    """Solve in floats, on a finer grid where an angle's turns are unsure, and return it at the scene's own times.
-
-    Raises
-    ------
-    NotDyadic
-        If the linkage is not of class II.
-    """
+    """Solve in floats, on a finer grid where an angle's turns are unsure, and return it at the scene's own times."""
     solution = _with_turns(scene)
     lost = _lost_after(scene.times, lambda t: assembled(replace(scene, times=t), Floats()), _moves(solution))
     return replace(solution, lost_after=lost)
@@ -153,21 +140,14 @@ Solve = Callable[[tuple[float, ...]], Assembly]
 """Returns the groups joined at times that begin with the scene's first: there the estimates tell the assembly."""
 
 
-@dataclass(frozen=True)
-class _Slacks:
-    """Every slack of every dyad, in scales (S, T), and its rate."""
-
-    value: Any
-    rate: Any
-
-    @staticmethod
-    def of(assembly: Assembly) -> _Slacks:
-        kept = [slack for meeting in assembly.meetings for slack in meeting.slacks]
-        value, rate, scale = (
-            rows_of([midpoint(getattr(slack, part)) for slack in kept], len(assembly.scene.times))
-            for part in ("value", "rate", "scale")
-        )
-        return _Slacks(value / scale, rate / scale)
+def _slacks(assembly: Assembly) -> tuple[Any, Any]:
+    """Return every slack of every dyad, in scales (S, T), and its rate."""
+    kept = [slack for meeting in assembly.meetings for slack in meeting.slacks]
+    value, rate, scale = (
+        rows_of([midpoint(getattr(slack, part)) for slack in kept], len(assembly.scene.times))
+        for part in ("value", "rate", "scale")
+    )
+    return value / scale, rate / scale
 
 
 def rows_of(numbers: Sequence[Any], count: int) -> Any:
@@ -189,11 +169,11 @@ def _lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
     first, last = np.array(times[:-1]), np.array(times[1:])
     alike = [parts == n for n in range(FEWEST, PIECES + 1) if n in parts]
     fine = np.unique(np.concatenate([np.linspace(first[k], last[k], parts[k][0] + 1).ravel() for k in alike]))
-    slacks = _Slacks.of(solve(tuple(fine.tolist())))
-    met = _first(fine, slacks.value)
-    least = (slacks.rate[:, :-1] < 0.0) & (slacks.rate[:, 1:] > 0.0) & (fine[1:] < met)
+    value, rate = _slacks(solve(tuple(fine.tolist())))
+    met = _first(fine, value)
+    least = (rate[:, :-1] < 0.0) & (rate[:, 1:] > 0.0) & (fine[1:] < met)
     which, k = np.nonzero(least)
-    at = [(fine[i], slacks.value[which, i], slacks.rate[which, i]) for i in (k, k + 1)]
+    at = [(fine[i], value[which, i], rate[which, i]) for i in (k, k + 1)]
     return min(met, _least(times[0], which, at, solve))
 
 
@@ -212,8 +192,8 @@ def _least(first: float, which: Any, ends: Any, solve: Solve) -> float:
             x[open_] for x in (which, lo, v_lo, r_lo, hi, v_hi, r_hi, middle)
         )
         times = np.unique(np.append(middle, first))
-        slacks, at = _Slacks.of(solve(tuple(times.tolist()))), np.searchsorted(times, middle)
-        value, rate = slacks.value[which, at], slacks.rate[which, at]
+        at = np.searchsorted(times, middle)
+        value, rate = (of[which, at] for of in _slacks(solve(tuple(times.tolist()))))
         met = min(met, float(np.min(middle[~(value > Floats.zero)], initial=np.inf)))
         left = rate > 0.0
         lo, v_lo, r_lo = (np.where(left, a, b) for a, b in ((lo, middle), (v_lo, value), (r_lo, rate)))

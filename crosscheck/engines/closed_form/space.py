@@ -90,15 +90,7 @@ class Root:
 
 @dataclass
 class SpatialAssembly:
-    """Bodies placed one after another.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of space, with an estimate for each body whose root has to be chosen.
-    arithmetic : Arithmetic
-        Floats or balls.
-    """
+    """Bodies of a scene of space placed one after another; each whose root has to be chosen needs an estimate."""
 
     scene: Scene
     arithmetic: Arithmetic

@@ -26,19 +26,12 @@ Array = Any
 
 
 def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
-    """Return the motion of a scene of space.
+    """Return the motion of a scene of space; EngineError if its bodies do not follow, or a joint is left open.
 
     Parameters
     ----------
-    scene : Scene
-    producer : Producer
-    bits : int
-        Of the balls that prove that there is no assembly.
-
-    Raises
-    ------
-    EngineError
-        If its bodies do not follow one from another, or one of its joints is left open.
+    scene, producer, bits : Scene, Producer, int
+        Bits of the balls that prove that there is no assembly.
     """
     numbers = numbers_of(scene.mechanism)
     assembly = SpatialAssembly(scene, Floats())

@@ -144,10 +144,8 @@ def composed(at: Vector, axes: Sequence[Vector], u: Vector, own: Sequence[Vector
 
     Parameters
     ----------
-    at, u : Vector
-        A place in the ground, and the body's point that is there.
-    axes, own : sequence of three Vector
-        Unit vectors of the ground, and of the body along them.
+    at, axes, u, own : Vector, sequence of three Vector, Vector, sequence of three Vector
+        A place and unit vectors of the ground; the body's point there and its unit vectors along them.
     """
 
     def turned(local: Vector) -> Vector:
