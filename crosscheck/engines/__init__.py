@@ -150,12 +150,8 @@ def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "nump
 
     Parameters
     ----------
-    by : str
-        Whose residual and Jacobian.
-    name : str
-        Of the method.
-    newton_by, linear_solve_by, drift_by : str
-        Who does the rest.
+    by, name, newton_by, linear_solve_by, drift_by : str
+        Whose residual and Jacobian; the method's name; who does the rest.
     """
     who = {"residual_by": by, "jacobian_by": by, "linear_solve_by": linear_solve_by, "drift_by": drift_by or by}
     return Route(name=name, newton_by=newton_by, seeding=Seeding.INITIAL_GUESS, **who)
@@ -352,11 +348,8 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
 
     Parameters
     ----------
-    engine : Engine
-    constraints : iterable of Constraint
-        Joints and drivers.
-    level : Level
-        What would be asked.
+    engine, constraints, level : Engine, iterable of Constraint, Level
+        Joints and drivers, and what would be asked.
     """
     table, unsupported = engine.capabilities(), []
     for constraint in constraints:
@@ -381,9 +374,7 @@ def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
 
     Parameters
     ----------
-    engine, scene : Engine, Scene
-    level : Level
-        What would be asked.
+    engine, scene, level : Engine, Scene, Level
     """
     refused = refused_joints(engine, scene.mechanism.constraints, level)
     return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in refused]
@@ -405,9 +396,7 @@ def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
 
     Parameters
     ----------
-    engine, scene : Engine, Scene
-    level : Level
-        What would be asked.
+    engine, scene, level : Engine, Scene, Level
     """
     return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]
 
@@ -485,12 +474,8 @@ def all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
 
     Parameters
     ----------
-    engine : Engine
-    key : str
-        The function of the engine that lists it.
-    listed : list
-    kind : type
-        What each of it is.
+    engine, key, listed, kind : Engine, str, list, type
+        The function of the engine that lists it, and what each of it is.
     """
     if not (isinstance(listed, tuple | list) and all(isinstance(one, kind) for one in listed)):
         wanted = f"a list of {kind.__module__}.{kind.__name__}"

@@ -207,14 +207,9 @@ class Method:
             refuse(refusals(self.adapter, scene, Level.SOLVE))
 
     def solve(self, scene: Scene, order: int | None = None) -> Motion:
-        """Return its answer at all times of a scene, up to an order, or as the scene calls for.
+        """Return its answer at all times of a scene, up to an order, or as the scene calls for; EngineError if refused.
 
         The scene is handed over as it is: whoever needs it afterwards, hands over a copy.
-
-        Raises
-        ------
-        EngineError
-            If it refuses the scene.
         """
         if order is not None:
             scene = replace(scene, effects=ORDERS[order])
@@ -239,13 +234,7 @@ class Method:
         return next(one for one in methods(self.adapter.with_effect(effect)) if one.key == self.key)
 
     def batched(self, workload: Workload, order: int) -> Batch:
-        """Return a workload as the method takes it.
-
-        Raises
-        ------
-        EngineError
-            If it cannot take it; the message says why.
-        """
+        """Return a workload as the method takes it; EngineError says why it does not."""
         if self.batch is not None:
             return self.batch(workload, order)
         if isinstance(workload, LoopChain):
@@ -264,11 +253,8 @@ def one_by_one(
 
     Parameters
     ----------
-    build : callable
-        Scene -> its model.
-    workload : FourBars or SpatialLoops
-    order : int
-        Of the levels that are asked for: 0 to 2.
+    build, workload, order : callable, FourBars or SpatialLoops, int
+        Scene -> its model; the highest level that is asked for, 0 to 2.
     configurations : int, optional
         About how many are asked for; by default `PART`, in space `PART_IN_SPACE`.
     note : str
@@ -289,15 +275,8 @@ def one_by_one(
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
     """Return the methods of a producer: one of `OURS`, what `crosscheck.engines.load` takes, or an engine.
 
-    Parameters
-    ----------
-    use : Use, optional
-        Those that are measured for it alone.
-
-    Raises
-    ------
-    EngineError
-        If there is no such producer, or its package is missing.
+    With a `use` those alone that are measured for it. EngineError if there is no such producer, or its package is
+    missing.
     """
     listed = _listed(engine)
     return [method for method in listed if use is None or use in method.uses]
@@ -322,8 +301,7 @@ def method(engine: str | Engine, name: str, setting: str = "") -> Method:
 
     Parameters
     ----------
-    engine : str or Engine
-    name, setting : str
+    engine, name, setting : str or Engine, str, str
         As `methods` lists them.
     """
     for candidate in methods(engine):
@@ -384,12 +362,10 @@ def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], produc
 
     Parameters
     ----------
-    times : (T,) array
-        [s]
-    bodies : tuple of str
+    times, bodies, producer : (T,) array, tuple of str, Producer
+        Times [s].
     levels : sequence of (n, T) array or None
         Positions, and as many rates as there are [m, rad].
-    producer : Producer
     """
     levels = [None if level is None else np.asarray(level, float) for level in levels]
     there = np.all([np.isfinite(level).all(axis=0) for level in levels if level is not None], axis=0)

@@ -28,8 +28,8 @@ from crosscheck.engines import (
     Capabilities,
     EngineError,
     EngineRefusal,
-    Level,
     Term,
+    by_level,
     refused,
     route_by,
 )
@@ -60,7 +60,7 @@ EVIDENCE: dict[str, frozenset[Evidence]] = {
     "certificate": frozenset({Evidence.CERTIFICATE}),
 }
 
-CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in ELEMENTS}
+CAPABILITIES: Capabilities = dict.fromkeys(ELEMENTS, by_level(NO_ROWS, NATIVE))
 
 
 class RefkinBatch(Adapter):

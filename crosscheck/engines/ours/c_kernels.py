@@ -40,13 +40,7 @@ static inline double fmin2(double a, double b) {{ return a < b ? a : b; }}
 
 
 def compiler() -> str:
-    """Return the compiler: $CC, or the first of `COMPILERS` there is.
-
-    Raises
-    ------
-    EngineError
-        If there is none.
-    """
+    """Return the compiler: $CC, or the first of `COMPILERS` there is; EngineError if there is none."""
     wanted = os.environ.get("CC")
     for name in (wanted,) if wanted else COMPILERS:
         path = shutil.which(name)
@@ -63,19 +57,9 @@ def compiler_version() -> str:
 
 
 def library(source: str, **generated: str) -> Any:
-    """Return a source of this package compiled and loaded; nothing is kept on disk.
+    """Return a source file of this package compiled and loaded, EngineError if it cannot be; nothing is kept on disk.
 
-    Parameters
-    ----------
-    source : str
-        The name of the file.
-    generated : str
-        Headers that are not files of the package: name without ".h" -> text.
-
-    Raises
-    ------
-    EngineError
-        If it cannot be compiled.
+    `generated` are headers that are no files of the package: name without ".h" -> text.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-bench-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -109,17 +93,10 @@ def row_of(x: Any) -> Any:
 
 
 def emitted(program: Any) -> str:
-    """Return `program.h` for `program.c`.
+    """Return `program.h` for `program.c`; EngineError if an operation is more than arithmetic.
 
-    Parameters
-    ----------
-    program : refkin.fast.elimination.program.Program
-        Its geometry's inputs become g[0], g[1], ... in the order of `geometry_of`; its one law is that of the driver.
-
-    Raises
-    ------
-    EngineError
-        If an operation is more than arithmetic.
+    A program's (`refkin.fast.elimination.program`) inputs of geometry become g[0], g[1], ... in the order of
+    `geometry_of`; its one law is that of the driver.
     """
     sizes, levels = program.sizes, _levels(program)
     head = HEAD.format(

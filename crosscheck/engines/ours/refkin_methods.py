@@ -206,11 +206,8 @@ def refuse_longer(work: LoopChain, longest: int, reason: str) -> None:
 
     Parameters
     ----------
-    work : LoopChain
-    longest : int
-        How many loops are asked for at most.
-    reason : str
-        Why not more.
+    work, longest, reason : LoopChain, int, str
+        How many loops are asked for at most, and why not more.
     """
     if work.windows > longest:
         raise EngineError(f"not for more than {longest} loops: {reason}")
@@ -221,11 +218,8 @@ def iterated(work: LoopChain, system: System, step: Callable[[Any], Any]) -> Bat
 
     Parameters
     ----------
-    work : LoopChain
-    system : System
-        Its equations.
-    step : callable
-        q (n,) -> the next iterate, both scaled.
+    work, system, step : LoopChain, System, callable
+        Its equations; q (n,) -> the next iterate, both scaled.
     """
     start = system.to_unit(work.start)
 

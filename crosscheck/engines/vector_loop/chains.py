@@ -155,10 +155,7 @@ class VectorChains:
 def angle_families(mechanism: Mechanism) -> tuple[dict[str, Variable], dict[str, tuple[str, ...]]]:
     """Return the angle of each body, ground included; and the bodies that share an unknown angle, by its name.
 
-    Raises
-    ------
-    EngineError
-        If the difference of two angles is given twice.
+    EngineError if the difference of two angles is given twice.
     """
     left = [e for e in joints.elements_of(mechanism.constraints) if isinstance(e, joints.RelativeAngle)]
     angles: dict[str, Variable] = {}

@@ -48,11 +48,8 @@ def close(system: LoopSystem, q0: Any, t: float = 0.0, *, complex_form: bool = F
 
     Parameters
     ----------
-    system : LoopSystem
-    q0 : (n,) array
-        The estimate.
-    t : float
-        When [s].
+    system, q0, t : LoopSystem, (n,) array, float
+        The estimate at a time [s].
     complex_form : bool
         Whether the iterates are complex numbers, whose imaginary parts are round-off.
     **options
@@ -71,18 +68,13 @@ def with_new_estimates(
 ) -> list[NewtonResult]:
     """Run Newton from one estimate after the other while the derivative vanishes away from a root (METU 3.9).
 
+    One result per estimate that was used is returned, the last one is the answer. Its status is SINGULAR only if all of
+    them led to a vanishing derivative; any other way to end is an end.
+
     Parameters
     ----------
-    phi, phi_q, **options
-        As `refkin.newton.newton` takes them; `stop` may be a function that makes a new test for each run.
-    estimates : iterable
-        At least one; each is used once.
-
-    Returns
-    -------
-    list of NewtonResult
-        One per estimate that was used, the last one is the answer. Its status is SINGULAR only if all of them led to
-        a vanishing derivative; any other way to end is an end.
+    phi, phi_q, estimates, **options
+        As `refkin.newton.newton` takes them; at least one estimate, of which each is used once.
     """
     results = []
     for estimate in estimates:
@@ -130,11 +122,8 @@ def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimu
 
     Parameters
     ----------
-    system : LoopSystem
-    q0 : (n,) array
-        The estimate.
-    max_evaluations : int
-        Of the closure errors.
+    system, q0, max_evaluations : LoopSystem, (n,) array, int
+        The estimate; how often the closure errors may be evaluated.
     """
     from scipy.optimize import least_squares  # here, because importing it costs more than the rest of this package
 
@@ -222,11 +211,8 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
 
     Parameters
     ----------
-    system : LoopSystem
-    times : sequence of float
-        [s]
-    q0 : (n,) array
-        The estimate of the first pose.
+    system, times, q0 : LoopSystem, sequence of float, (n,) array
+        Times [s], and the estimate of the first pose.
     distance : callable, optional
         Which of several assemblies is meant, where the estimate is far from all: by default the one whose unknowns are
         nearest to q0.

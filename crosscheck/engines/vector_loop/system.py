@@ -30,7 +30,7 @@ class AngleRelation:
 
 
 class LoopSystem:
-    """The equations of a set of loops.
+    """The equations of a set of loops, as many as unknowns.
 
     Parameters
     ----------
@@ -48,11 +48,6 @@ class LoopSystem:
         Which unknowns are angles; the others are lengths.
     weights : (n,) array
         What makes unknowns comparable: 1 for an angle, 1/scale for a length.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many equations as unknowns, or a vector contains an unknown that is not named.
     """
 
     def __init__(
