@@ -83,22 +83,22 @@ def test_sites_that_the_compiler_leaves_where_they_are_agree(monkeypatch):
 def test_joints_whose_time_variation_is_right_agree(monkeypatch):
     """The three joints that the composite is made of, one after the other."""
 
-    def chained(self, pins):
+    def chained(self):
         self.model = pin.Model()
         ends = {"ground": 0}
-        for body in pins.bodies:
+        for body in self.bodies:
             joint = 0
             for kind in (pin.JointModelPX, pin.JointModelPY, pin.JointModelRZ):
                 joint = self.model.addJoint(joint, kind(), pin.SE3.Identity(), f"{body}{kind.__name__}")
             ends[body] = joint
         frames = [
-            [pin.Frame(f"{k}{b}", ends[b], 0, shift(u), pin.OP_FRAME) for b, u in p] for k, p in enumerate(pins.ends)
+            [pin.Frame(f"{k}{b}", ends[b], 0, shift(u), pin.OP_FRAME) for b, u in p] for k, p in enumerate(self.ends)
         ]
         self.frames = [[self.model.addFrame(frame) for frame in pair] for pair in frames]
         self.data = self.model.createData()
 
     assert not agrees("pinocchio", "composite joints")
-    monkeypatch.setattr(of_pinocchio._Composite, "__init__", chained)
+    monkeypatch.setattr(of_pinocchio._Composite, "build", chained)
     assert agrees("pinocchio", "composite joints")
 
 

@@ -104,7 +104,7 @@ FAULTS: dict[str, Plant] = {
     "constant angle of the other sign": (pinocchio_rows, "unit_vector", lambda f: lambda angle: f(-angle)),
     "sign of gamma": (Rows, "drift", lambda f: lambda *a: [-part for part in f(*a)]),
     "a point off by 1e-9": (pinocchio_model, "shift", lambda f: lambda u: f((u[0] + 1e-9, u[1]))),
-    "bodies permuted": (pinocchio_engine, "absolute_model", lambda f: lambda bodies: f(bodies[::-1])),
+    "bodies permuted": (pinocchio_engine, "absolute_tree", lambda f: lambda bodies: f(bodies[::-1])),
 }
 
 

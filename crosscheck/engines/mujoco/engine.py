@@ -38,9 +38,9 @@ from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
-from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
+from crosscheck.engines.tree.joint_tree import Array, JointTree, absolute_tree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, marched_motion, tree_motion
-from refkin.joints import GROUND, Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
+from refkin.joints import Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
 
@@ -194,8 +194,7 @@ class AbsoluteRows(ConstraintModel):
 
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         bodies, size = [body.name for body in mechanism.bodies], mechanism.size()
-        free = tuple(Edge(body=b, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, b in enumerate(bodies))
-        tree = JointTree(edges=free, closures=(), driven=(), size=size, origin=(0.0, 0.0), estimates={}, links={})
+        tree = absolute_tree(bodies, size)
         self._rows = MujocoRows(Plan(tree, elements_of(constraints)))
         sources = self._rows.plan.sources
         self._drivers = self._rows.plan.driven

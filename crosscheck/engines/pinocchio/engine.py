@@ -31,13 +31,13 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected, with_feature
-from crosscheck.engines.pinocchio.model import Points, absolute_model, tree_model
+from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected, pin_rows
+from crosscheck.engines.pinocchio.model import Points, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
-from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
+from crosscheck.engines.tree.joint_tree import JointTree, absolute_tree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, marched_motion, tree_motion
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
@@ -115,7 +115,7 @@ class Pinocchio(SimulatingAdapter):
             own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
             return space_motion(scene, PinocchioSpace, producer, own)
         if route in FEATURES:
-            return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
+            return pin_rows(scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
         if route == CLOSED_CHAIN:
             return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
@@ -131,7 +131,7 @@ class PinocchioConstraints(ConstraintModel):
     def __init__(self, scene: Scene, joints: Sequence[Constraint]) -> None:
         bodies = [body.name for body in scene.mechanism.bodies]
         elements = tuple(elements_of(joints))
-        self._rows = Rows(absolute_model(bodies), elements, lambda body, u: u)
+        self._rows = Rows(tree_model(absolute_tree(bodies)), elements, lambda body, u: u)
         self._none = Points(self._rows.planar)
         ours = [(e.name, e.row + k) for e in elements for k in range(e.rows)]
         self.rows: Sequence[RowMap] = tuple(

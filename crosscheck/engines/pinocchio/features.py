@@ -16,88 +16,19 @@ Switching them on shows just that.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Switch, route_by
-from crosscheck.engines.pinocchio.model import WORLD_AXES, PlacedFrame, PlanarModel, absolute_model, shift, tree_model
+from crosscheck.engines.pinocchio.model import WORLD_AXES, PlacedFrame, PlanarModel, shift, tree_model
+from crosscheck.engines.tree.joint_tree import absolute_tree
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import GROUND, Pair, PointsCoincide, RelativeAngle, Unit, elements_of
+from refkin.joints import GROUND, Pair, PointsCoincide, RelativeAngle, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Route, Status
-
-
-@dataclass(frozen=True)
-class Pins:
-    """What features are asked about: pins, and angles that laws drive.
-
-    Attributes
-    ----------
-    ends : sequence of ((body i, point), (body j, point))
-        Of each pin, in sizes; on the ground from the mechanism's first ground point.
-    """
-
-    bodies: tuple[str, ...]
-    times: Sequence[float]
-    unit: Unit
-    ends: Sequence[tuple[tuple[str, Pair], ...]]
-    driven: Sequence[RelativeAngle]
-
-
-def pins_of(scene: Scene, route: Route) -> Pins:
-    """Return the pins and driven angles of a scene; refuse one that has anything else."""
-    unit, ends, driven = scene.mechanism.unit(), [], []
-    for e in elements_of(scene.mechanism.constraints):
-        if isinstance(e, PointsCoincide) and not e.laws:
-            ends.append(tuple((body, _scaled(unit, body, point)) for body, point in e.ends))
-        elif isinstance(e, RelativeAngle) and e.laws:
-            driven.append(e)
-        else:
-            raise EngineRefusal(f"the feature {route.name!r} is asked for pins and driven angles, not for {e.key}")
-    return Pins(tuple(body.name for body in scene.mechanism.bodies), scene.times, unit, ends, driven)
-
-
-def _scaled(unit: Unit, body: str, point: Pair) -> Pair:
-    x, y = unit.origin if body == GROUND else (0.0, 0.0)
-    return (point[0] - x) / unit.size, (point[1] - y) / unit.size
-
-
-def _with_rates(
-    motion: Motion, pins: Pins, route: Route, jacobian: Callable[[Array], Array], drift: Callable[[Array, Array], Array]
-) -> Motion:
-    """Return a motion of all bodies with velocity and acceleration from a feature's rows of the pins.
-
-    In sizes and rad these are q (3 bodies,) -> rows of the pins (m, 3 bodies), and q, qd -> gamma (m,).
-    """
-    columns = {name: 3 * k + 2 for k, name in enumerate(pins.bodies)}
-    turning = np.zeros((len(pins.driven), 3 * len(pins.bodies)))
-    for row, e in zip(turning, pins.driven, strict=True):
-        for body, sign in ((e.body_i, -1.0), (e.body_j, 1.0)):
-            if body != GROUND:
-                row[columns[body]] += sign
-    scale = np.tile([pins.unit.size, pins.unit.size, 1.0], len(pins.bodies))
-    shift = np.tile([*pins.unit.origin, 0.0], len(pins.bodies))
-    qd, qdd = np.full((2, *motion.q.shape), np.nan)
-    for k in [k for k, status in enumerate(motion.status) if status is Status.OK]:
-        q, t = (motion.q[:, k] - shift) / scale, pins.times[k]
-        rate, bend = ([float(e.laws[0](t, order)) for e in pins.driven] for order in (1, 2))
-        rows = np.vstack([jacobian(q), turning])
-        still = np.zeros(len(rows) - len(pins.driven))
-        speed = _solved(rows, np.append(still, rate))
-        qd[:, k] = speed * scale
-        qdd[:, k] = _solved(rows, np.append(drift(q, speed), bend)) * scale
-    return replace(motion, qd=qd, qdd=qdd, producer=replace(motion.producer, route=route))
-
-
-def _solved(rows: Array, right: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.solve(rows, right), float)
-    except np.linalg.LinAlgError:  # rows that are no derivatives may be dependent where the motion is regular
-        return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], float)
-
 
 COMPOSITE = route_by(
     "pinocchio",
@@ -109,33 +40,86 @@ ANCHOR = replace(COMPOSITE, name="point anchors with an offset", drift_by="pinoc
 FEATURES = (COMPOSITE, ANCHOR)
 
 
-def with_feature(scene: Scene, motion: Motion, route: Route) -> Motion:
-    """Return a motion with its rates by a feature; raises EngineRefusal as `pins_of`.
+class PinRows:
+    """Pins and driven angles of a scene, and the rates that a feature's rows of the pins make of a motion.
 
-    Parameters
-    ----------
-    scene, motion, route : Scene, Motion, Route
-        A motion by the method `joint tree`, whose positions are used; which feature.
+    `ends` are those of each pin, ((body i, point), (body j, point)), in sizes; on the ground from the mechanism's first
+    ground point. A scene that has anything else is refused.
     """
-    pins = pins_of(scene, route)
-    rows: Any = _Composite(pins) if route == COMPOSITE else _Anchors(pins)
-    return _with_rates(motion, pins, route, rows.jacobian, rows.drift)
+
+    def __init__(self, scene: Scene, route: Route) -> None:
+        self.scene, self.route, self.unit = scene, route, scene.mechanism.unit()
+        self.bodies = tuple(body.name for body in scene.mechanism.bodies)
+        self.ends: list[tuple[tuple[str, Pair], ...]] = []
+        self.driven: list[RelativeAngle] = []
+        for e in elements_of(scene.mechanism.constraints):
+            if isinstance(e, PointsCoincide) and not e.laws:
+                self.ends.append(tuple((body, self._scaled(body, point)) for body, point in e.ends))
+            elif isinstance(e, RelativeAngle) and e.laws:
+                self.driven.append(e)
+            else:
+                raise EngineRefusal(f"the feature {route.name!r} is asked for pins and driven angles, not for {e.key}")
+        self.build()
+
+    def _scaled(self, body: str, point: Pair) -> Pair:
+        x, y = self.unit.origin if body == GROUND else (0.0, 0.0)
+        return (point[0] - x) / self.unit.size, (point[1] - y) / self.unit.size
+
+    def build(self) -> None:
+        """Make Pinocchio's model of them."""
+        raise NotImplementedError
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the rows of the pins (m, 3 bodies) at q (3 bodies,), in sizes and rad."""
+        raise NotImplementedError
+
+    def drift(self, q: Array, qd: Array) -> Array:
+        """Return their gamma (m,)."""
+        raise NotImplementedError
+
+    def with_rates(self, motion: Motion) -> Motion:
+        """Return a motion of all bodies, by the method `joint tree`, with rates from these rows."""
+        columns = {name: 3 * k + 2 for k, name in enumerate(self.bodies)}
+        turning = np.zeros((len(self.driven), 3 * len(self.bodies)))
+        for row, e in zip(turning, self.driven, strict=True):
+            for body, sign in ((e.body_i, -1.0), (e.body_j, 1.0)):
+                if body != GROUND:
+                    row[columns[body]] += sign
+        scale = np.tile([self.unit.size, self.unit.size, 1.0], len(self.bodies))
+        shift = np.tile([*self.unit.origin, 0.0], len(self.bodies))
+        qd, qdd = np.full((2, *motion.q.shape), np.nan)
+        for k in [k for k, status in enumerate(motion.status) if status is Status.OK]:
+            q, t = (motion.q[:, k] - shift) / scale, self.scene.times[k]
+            rate, bend = ([float(e.laws[0](t, order)) for e in self.driven] for order in (1, 2))
+            rows = np.vstack([self.jacobian(q), turning])
+            still = np.zeros(len(rows) - len(self.driven))
+            speed = _solved(rows, np.append(still, rate))
+            qd[:, k] = speed * scale
+            qdd[:, k] = _solved(rows, np.append(self.drift(q, speed), bend)) * scale
+        return replace(motion, qd=qd, qdd=qdd, producer=replace(motion.producer, route=self.route))
 
 
-class _Composite:
+def _solved(rows: Array, right: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(rows, right), float)
+    except np.linalg.LinAlgError:  # rows that are no derivatives may be dependent where the motion is regular
+        return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], float)
+
+
+class _Composite(PinRows):
     """Rows of pins r_j - r_i, on bodies that hang on one composite joint each."""
 
-    def __init__(self, pins: Pins) -> None:
+    def build(self) -> None:
         self.model = pin.Model()
         joints = {GROUND: 0}
-        for body in pins.bodies:
+        for body in self.bodies:
             joint = pin.JointModelComposite()
             for kind in (pin.JointModelPX, pin.JointModelPY, pin.JointModelRZ):
                 joint.addJoint(kind())
             joints[body] = self.model.addJoint(0, joint, pin.SE3.Identity(), body)
         self.frames = [
             [self.model.addFrame(pin.Frame(f"{k}{body}", joints[body], 0, shift(u), pin.OP_FRAME)) for body, u in ends]
-            for k, ends in enumerate(pins.ends)
+            for k, ends in enumerate(self.ends)
         ]
         self.data = self.model.createData()
 
@@ -154,13 +138,13 @@ class _Composite:
         return np.vstack([j - i for i, j in slopes])
 
 
-class _Anchors:
+class _Anchors(PinRows):
     """Rows of pins as point anchors, along the axes of body i."""
 
-    def __init__(self, pins: Pins) -> None:
-        planar = absolute_model(pins.bodies)
+    def build(self) -> None:
+        planar = tree_model(absolute_tree(self.bodies))
         self.model, self.data = planar.model, planar.data
-        self.anchors = [self._anchor(planar.frames, ends) for ends in pins.ends]
+        self.anchors = [self._anchor(planar.frames, ends) for ends in self.ends]
         self.states = [anchor.createData() for anchor in self.anchors]
 
     def _anchor(self, frames: dict[str, PlacedFrame], ends: Sequence[Any]) -> Any:
@@ -182,6 +166,11 @@ class _Anchors:
         for anchor, state in zip(self.anchors, self.states, strict=True):
             anchor.calc(self.model, self.data, state)
         return list(zip(self.anchors, self.states, strict=True))
+
+
+def pin_rows(scene: Scene, route: Route) -> PinRows:
+    """Return the rows of a scene's pins by a feature."""
+    return _Composite(scene, route) if route == COMPOSITE else _Anchors(scene, route)
 
 
 UNREAD = "which no algorithm called here reads"

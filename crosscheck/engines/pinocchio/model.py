@@ -1,7 +1,7 @@
 """Pinocchio models of planar mechanisms, built from a scene's numbers, and the rows of Pinocchio's own constraints.
 
-Two forms. Absolute: each body hangs on the universe by a chain PX, PY, RZ, so that Pinocchio's q is (x, y, phi) per
-body. Tree: the joints of a `JointTree`. Both hold joints (in the tree: those left open) by the same constraint classes:
+The joints are those of a `JointTree`; a free body hangs on the universe by a chain PX, PY, RZ, so that Pinocchio's q is
+(x, y, phi) of it. What a tree leaves open, or all joints where every body is free, is held by these constraints:
 
 ============== ========================================================= =============================================
 rows           Pinocchio's constraint                                    what is read of it
@@ -184,16 +184,6 @@ def turn(direction: Pair) -> Any:
 def unit_vector(angle: float) -> Pair:
     """Return the unit vector at an angle to the x axis."""
     return math.cos(angle), math.sin(angle)
-
-
-def absolute_model(bodies: Sequence[str]) -> PlanarModel:
-    """Return the model whose q is (x, y, phi) of each body in turn."""
-    model = pin.Model()
-    frames = {GROUND: PlacedFrame(0, pin.SE3.Identity())}
-    for body in bodies:
-        frames[body] = PlacedFrame(_free_joint(model, body, frames[GROUND]), pin.SE3.Identity())
-    columns = {body: 3 * k + 2 for k, body in enumerate(bodies)}
-    return PlanarModel(model, frames, lambda body, q: 0.0 if body == GROUND else float(q[columns[body]]))
 
 
 def tree_model(tree: JointTree) -> PlanarModel:

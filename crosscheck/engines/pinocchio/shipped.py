@@ -47,18 +47,37 @@ def closed_chain(tree: JointTree, scene: Scene) -> MarchResult:
     A loop that no revolute joint closes is refused, and a driver that holds no joint by which a body hangs on the
     ground.
     """
-    return one_by_one(_chain(tree).closed, tree.start(), scene.times)
+    planar = tree_model(tree)
+    drivers = [_Held(tree, element) for element in tree.driven]
+    for e in tree.closures:
+        if not isinstance(e, PointsCoincide):
+            _refuse(f"{e.key} of {e.name!r}", "its RigidConstraintModel closes loops at points or frames")
+    ends = [[planar.frames[body].at(tree.scaled(body, u)) for body, u in reversed(e.ends)] for e in tree.closures]
+    places = [[x for end in pair for x in (end.joint, end.placement)] for pair in ends]
+    example = Example(planar.model, planar.data, places, lambda t: [(held.joint, held.moved(t)) for held in drivers])
+    return one_by_one(example.closed, tree.start(), scene.times)
 
 
 class Example:
-    """The example's loop, on a model with constraints that close its loops and some that hold its input at a time."""
+    """The example's loop, on a model whose loops are closed at points, two places each.
 
-    def __init__(self, model: Any, data: Any, loops: list[Any], held: Callable[[float], list[Any]]) -> None:
-        self.model, self.data, self.loops, self.held = model, data, loops, held
+    `held` says at a time which joints are held, and how far each has moved.
+    """
+
+    def __init__(
+        self, model: Any, data: Any, places: list[Any], held: Callable[[float], list[tuple[int, Any]]]
+    ) -> None:
+        self.model, self.data, self.held = model, data, held
+        self.loops = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends) for ends in places]
+
+    def _hold(self, joint: int, moved: Any) -> Any:
+        """Return the constraint that holds a joint's frame where it has moved to."""
+        ends = (joint, pin.SE3.Identity(), 0, self.model.jointPlacements[joint] * moved)
+        return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, self.model, *ends)
 
     def closed(self, q: Array, t: float) -> tuple[Array | None, float]:
         """Return where the example's loop ends, None if it does not within its 100 steps, and the residual."""
-        models = [*self.loops, *self.held(t)]
+        models = [*self.loops, *(self._hold(*one) for one in self.held(t))]
         datas = [model.createData() for model in models]
         size = sum(model.residualSize() for model in models)
         self.data.M = np.eye(self.model.nv) * RHO
@@ -102,8 +121,7 @@ class SpaceExample:
             if hold.kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
                 _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")
         ends = [(*self.space.frames[j], *self.space.frames[i]) for i, j in system.pairs]
-        loops = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places) for places in ends]
-        self.example = Example(self.model, self.space.data, loops, self._held)
+        self.example = Example(self.model, self.space.data, ends, self._held)
 
     def closed(self, q: Array, t: float) -> tuple[Array | None, float]:
         """Return where the example's loop ends in the tree's coordinates, or None, and the residual."""
@@ -119,33 +137,17 @@ class SpaceExample:
             _refuse(f"{drive.kind} {drive.name!r}", "it holds no joint by which a body hangs on the ground")
         return int(self.space.bodies[edge.body][0])
 
-    def _held(self, t: float) -> list[Any]:
-        return [self._at(joint, drive.kind, float(drive.law(t)) / drive.size) for drive, joint in self.drives]
+    def _held(self, t: float) -> list[tuple[int, Any]]:
+        return [(joint, _moved(drive.kind, float(drive.law(t)) / drive.size)) for drive, joint in self.drives]
 
-    def _at(self, joint: int, kind: JointKind, value: float) -> Any:
-        moved = turn(unit_vector(value)) if kind == JointKind.ANGLE else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
-        ends = (joint, pin.SE3.Identity(), 0, self.model.jointPlacements[joint] * moved)
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, self.model, *ends)
+
+def _moved(kind: JointKind, value: float) -> Any:
+    along = np.array([0.0, 0.0, value])
+    return turn(unit_vector(value)) if kind == JointKind.ANGLE else pin.SE3(np.eye(3), along)
 
 
 def _refuse(what: str, why: str) -> NoReturn:
     raise EngineRefusal(f"pinocchio refuses {what} by the method {CLOSED_CHAIN.name!r}: {why}")
-
-
-def _chain(tree: JointTree) -> Example:
-    """Return the loop of a planar tree with its constraints: the loops, then one per driver."""
-    planar = tree_model(tree)
-    drivers = [_Held(tree, element) for element in tree.driven]
-
-    def loop(e: Element) -> Any:
-        if not isinstance(e, PointsCoincide):
-            _refuse(f"{e.key} of {e.name!r}", "its RigidConstraintModel closes loops at points or frames")
-        ends = [planar.frames[body].at(tree.scaled(body, point)) for body, point in reversed(e.ends)]
-        places = [x for end in ends for x in (end.joint, end.placement)]
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, planar.model, *places)
-
-    loops = [loop(element) for element in tree.closures]
-    return Example(planar.model, planar.data, loops, lambda t: [held.constraint(planar.model, t) for held in drivers])
 
 
 class _Held:
@@ -163,14 +165,10 @@ class _Held:
         if self.edge.parent != GROUND or self.edge.freedom is not wanted:
             _refuse(f"{element.key} of {element.name!r}", "it holds no joint by which a body hangs on the ground")
 
-    def constraint(self, model: Any, t: float) -> Any:
-        """Return the constraint that holds the joint's frame where the law has it at a time."""
-        value = self._coordinate(float(self.element.laws[0](t)))
-        place = model.jointPlacements[self.joint]
-        x, y = self.edge.axis
-        moved = turn(unit_vector(value)) if self.edge.freedom is Freedom.TURN else shift((value * x, value * y))
-        ends = (self.joint, pin.SE3.Identity(), 0, place * moved)
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, *ends)
+    def moved(self, t: float) -> Any:
+        """Return how far the law has moved the joint at a time."""
+        value, (x, y) = self._coordinate(float(self.element.laws[0](t))), self.edge.axis
+        return turn(unit_vector(value)) if self.edge.freedom is Freedom.TURN else shift((value * x, value * y))
 
     def _coordinate(self, law: float) -> float:
         """Return the joint's coordinate at a value of the law."""

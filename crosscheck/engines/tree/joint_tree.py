@@ -217,6 +217,12 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
     return replace(bare, edges=tuple(edges), closures=closures)
 
 
+def absolute_tree(bodies: Sequence[str], size: float = 1.0) -> JointTree:
+    """Return the tree in which every body is free on the ground, so that its q is (x, y, phi) per body."""
+    free = tuple(Edge(body=b, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, b in enumerate(bodies))
+    return JointTree(edges=free, closures=(), driven=(), size=size, origin=(0.0, 0.0), estimates={}, links={})
+
+
 def _with_links(joints: Sequence[Joint], names: Sequence[str]) -> tuple[list[Joint], dict[str, PointDistance]]:
     """Return the joints with every distance replaced by two pins, and body name -> distance."""
     kept: list[Joint] = []
