@@ -44,8 +44,13 @@ class PinRows:
     """Pins and driven angles of a scene, and the rates that a feature's rows of the pins make of a motion.
 
     `ends` are those of each pin, ((body i, point), (body j, point)), in sizes; on the ground from the mechanism's first
-    ground point. A scene that has anything else is refused.
+    ground point. A scene that has anything else is refused. In sizes and rad, a feature has `jacobian`, q (3 bodies,)
+    -> rows of the pins (m, 3 bodies), and `drift`, q and qd -> gamma (m,); `build` makes Pinocchio's model for them.
     """
+
+    build: Any
+    jacobian: Any
+    drift: Any
 
     def __init__(self, scene: Scene, route: Route) -> None:
         self.scene, self.route, self.unit = scene, route, scene.mechanism.unit()
@@ -64,18 +69,6 @@ class PinRows:
     def _scaled(self, body: str, point: Pair) -> Pair:
         x, y = self.unit.origin if body == GROUND else (0.0, 0.0)
         return (point[0] - x) / self.unit.size, (point[1] - y) / self.unit.size
-
-    def build(self) -> None:
-        """Make Pinocchio's model of them."""
-        raise NotImplementedError
-
-    def jacobian(self, q: Array) -> Array:
-        """Return the rows of the pins (m, 3 bodies) at q (3 bodies,), in sizes and rad."""
-        raise NotImplementedError
-
-    def drift(self, q: Array, qd: Array) -> Array:
-        """Return their gamma (m,)."""
-        raise NotImplementedError
 
     def with_rates(self, motion: Motion) -> Motion:
         """Return a motion of all bodies, by the method `joint tree`, with rates from these rows."""

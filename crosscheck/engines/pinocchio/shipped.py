@@ -64,9 +64,7 @@ class Example:
     `held` says at a time which joints are held, and how far each has moved.
     """
 
-    def __init__(
-        self, model: Any, data: Any, places: list[Any], held: Callable[[float], list[tuple[int, Any]]]
-    ) -> None:
+    def __init__(self, model: Any, data: Any, places: list[Any], held: Callable[[float], list[Any]]) -> None:
         self.model, self.data, self.held = model, data, held
         self.loops = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends) for ends in places]
 
