@@ -255,15 +255,7 @@ class Adapter:
 class SimulatingAdapter(Adapter):
     """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
 
-    Parameters
-    ----------
-    effect : str, optional
-        One of the adapter's `effects`, switched on in every model that solves.
-
-    Attributes
-    ----------
-    effects, missing : mapping
-        Physical effect -> how it is switched on; why there is none.
+    `effects` says how each is switched on, `missing` why there is none; `effect` is on in every model that solves.
     """
 
     effects: Mapping[str, Switch]

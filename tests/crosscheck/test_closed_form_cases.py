@@ -16,7 +16,7 @@ from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.assemble import Assembly, LocusRow
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
-from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLocus, line_and_circle
+from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLocus, _line_and_circle
 from crosscheck.engines.closed_form.solution import PART, _gaps, _lost_after, _moves
 from crosscheck.judge.comparison import compare, reference
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
@@ -486,7 +486,7 @@ def test_a_line_touches_a_circle_as_far_as_their_places_are_rounded_and_not_fart
     for off, touches in ((0.0, True), (0.5 * arithmetic.zero * scale, True), (4.0 * arithmetic.zero * scale, False)):
         line = LineLocus(Planar(constant(1.0), constant(0.0)), constant(far + side * (0.5 - off)))
         with np.errstate(invalid="ignore"):  # there is no rate where they touch
-            meeting = line_and_circle(
+            meeting = _line_and_circle(
                 line, CircleLocus(Planar(constant(far), constant(0.0)), constant(0.25)), arithmetic
             )
 

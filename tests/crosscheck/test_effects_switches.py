@@ -14,7 +14,7 @@ from crosscheck.engines.mujoco.features import affected as affected_plan
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.pinocchio.engine import PinocchioTree
 from crosscheck.engines.pinocchio.features import EFFECTS as PINOCCHIO
-from crosscheck.engines.pinocchio.features import EFFORT, UNREAD, ForwardDynamics, affected, pin, with_mass
+from crosscheck.engines.pinocchio.features import EFFORT, UNREAD, ForwardDynamics, _with_mass, affected, pin
 from crosscheck.engines.pinocchio.model import tree_model
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.scenes.names import PHYSICAL
@@ -113,7 +113,7 @@ def falling(effect):
     tree = joint_tree(SCENE.mechanism, massless_links=True)
     effort = ForwardDynamics(PinocchioTree(tree), effect).effort
     planar = tree_model(tree)
-    with_mass(planar, 1.0, (0.0, 0.0))
+    _with_mass(planar, 1.0, (0.0, 0.0))
     planar = affected(planar, effect)
     rates = np.ones(planar.model.nv)
     return pin.aba(planar.model, planar.data, 0.3 * rates, rates, effort)

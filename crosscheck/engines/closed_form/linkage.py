@@ -96,7 +96,7 @@ def meet(one: Locus, two: Locus, arithmetic: Arithmetic) -> Intersection:
         Not a circle and a line in this order.
     """
     if isinstance(one, LineLocus):
-        return _lines(one, two, arithmetic) if isinstance(two, LineLocus) else line_and_circle(one, two, arithmetic)
+        return _lines(one, two, arithmetic) if isinstance(two, LineLocus) else _line_and_circle(one, two, arithmetic)
     assert isinstance(two, CircleLocus), "a line comes before a circle"
     return _circles(one, two, arithmetic)
 
@@ -110,14 +110,10 @@ def _lines(one: LineLocus, two: LineLocus, arithmetic: Arithmetic) -> Intersecti
     return Intersection(Planar(x, y), None, np.zeros_like(parallel), parallel, ())
 
 
-def line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic) -> Intersection:
+def _line_and_circle(line: LineLocus, circle: CircleLocus, arithmetic: Arithmetic) -> Intersection:
     """Solve n . p = k, |p - c| = r: p = c + d n + s h n.perp() with d = k - n . c and h^2 = (r - d)(r + d).
 
     n x (p - c) = s h.
-
-    Parameters
-    ----------
-    line, circle, arithmetic : LineLocus, CircleLocus, Arithmetic
     """
     d, radius = line.level - line.normal.dot(circle.centre), circle.square.sqrt()
     slack = radius - _magnitude(d)

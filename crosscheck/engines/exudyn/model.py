@@ -27,14 +27,8 @@ class ExudynSystem:
     A row that is the length of a driven distance is exudyn's |d| - f, which knows no f'. The map from ours,
     x = (d . d - f^2) / 2 = y (y + 2 f) / 2, would depend on time; so it is turned into x: x_q = |d| y_q.
 
-    Attributes
-    ----------
-    n, m : int
-        Number of coordinates, and of exudyn's rows.
-    redundant : bool
-        Whether rows may depend on each other.
-    settings : SimulationSettings
-        Those of its static Newton, which stops by an absolute tolerance alone.
+    It has n coordinates and m rows, which may depend on each other if it is `redundant`; its static Newton, by its
+    `settings`, stops by an absolute tolerance alone.
     """
 
     def __init__(self) -> None:
@@ -138,27 +132,10 @@ class ExudynSystem:
 class ExudynModel(ExudynSystem):
     """A mechanism in exudyn, at configurations that need not be assembled.
 
-    Lengths are in the unit given, metres by default. Arrays returned are fresh copies, columns (x, y, phi) per body.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-        Their order is that of the columns.
-    constraints : sequence of Constraint
-        Joints and drivers that exudyn can express.
-    unit : Unit
-        Length of one unit, and the ground point that becomes the origin.
-    mass : float
-        Mass and inertia of each body: none for kinematics, some for exudyn's time integration.
-    more : callable, optional
-        Adds to the system what is no constraint, before it is assembled.
-
-    Attributes
-    ----------
-    rows : tuple of RowMap
-        How exudyn's rows follow from ours. A row that none names is empty.
-    live : list of int
-        exudyn's rows that are not empty, in the order of ours.
+    Lengths are in the unit given, metres by default. Arrays returned are fresh copies, columns (x, y, phi) per body. A
+    `mass`, which is the inertia too, is for exudyn's time integration; `more` adds to the system what is no constraint,
+    before it is assembled. `rows` say how exudyn's rows follow from ours; those that are not empty are `live`, in the
+    order of ours.
     """
 
     owns_driver = True

@@ -53,12 +53,8 @@ from refkin.motion_laws import Law
 class Clock:
     """What the laws say at the present time: all that exudyn's user functions see.
 
-    They must not reach back to the exudyn system: it would own the function that owns it, and never be freed.
-
-    Attributes
-    ----------
-    follows : bool
-        Whether the time is the one that exudyn asks for, as in its time integration, not the one that was set.
+    They must not reach back to the exudyn system: it would own the function that owns it, and never be freed. If it
+    `follows`, the time is the one that exudyn asks for, as in its time integration, not the one that was set.
     """
 
     follows = False

@@ -40,18 +40,9 @@ REASONS = {
 class StaticNewton:
     """A pose at time t from a start by exudyn's static Newton, to the tightest of `TOLERANCES` that round-off allows.
 
-    exudyn stands at it then.
-
-    Attributes
-    ----------
-    predicts : bool
-        Whether it is to be started at a prediction, and kept from jumping; otherwise it starts at the last pose.
-    size : float
-        Size of the mechanism in the model's unit.
-    accepted : float
-        Largest component of the scaled residual with which its answer is believed, for coordinates of order 1.
-    rows : (m,) array
-        exudyn's rows at the pose, as its Newton left them.
+    exudyn stands at it then. A solver that `predicts` is started at a prediction and kept from jumping, another one at
+    the last pose. `size` is the mechanism's in the model's unit; `accepted`, for coordinates of order 1, the largest
+    component of the scaled residual with which an answer is believed; `rows` (m,) are as its Newton left them.
     """
 
     predicts = True
@@ -123,17 +114,8 @@ class OwnSolver:
     """Equations of which poses are found by exudyn's own solver: `poses.Equations` without rows, and without rates.
 
     A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it reached.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        How many rows and coordinates exudyn has.
-    failed : dict
-        Time -> why there is no pose of exudyn's at it.
-    together : bool
-        Whether poses may be found all at once.
-    furthest : float
-        By so much a pose may differ from its prediction at most [sizes, rad]: further off is another assembly.
+    `shape` is that of exudyn's Jacobian, `failed` says why there is no pose at a time. Poses may be found all at once,
+    `together`, and may differ from their predictions by `furthest` [sizes, rad]: further off is another assembly.
     """
 
     predicts = together = True

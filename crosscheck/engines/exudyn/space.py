@@ -92,10 +92,7 @@ class SpatialRow(ExudynRow):
 class ExudynSpace(ExudynSystem):
     """A mechanism in exudyn at configurations that need not be assembled; lengths in the numbers' unit.
 
-    Attributes
-    ----------
-    lines : list of Line
-        Its rows, in the order of ours: joints, then drivers.
+    `lines` are its rows, in the order of ours: joints, then drivers.
     """
 
     def __init__(self, numbers: Numbers, holds: Sequence[Hold], drives: Sequence[Drive]) -> None:

@@ -53,14 +53,9 @@ MASSES: dict[bool, dict[str, Any]] = {
 
 
 class Plan:
-    """A model in the making.
+    """A model in the making, of a tree of bodies and the elements that become rows.
 
-    Parameters
-    ----------
-    tree : JointTree
-        The bodies, and how they hang on each other; with each one free on the ground, qpos is (x, y, phi) per body.
-    elements : iterable of Element
-        Those that become rows.
+    With each body free on the ground, qpos is (x, y, phi) per body.
     """
 
     def __init__(self, tree: JointTree, elements: Iterable[joints.Element]) -> None:
@@ -279,14 +274,9 @@ LINEAR = Linear()
 class Source:
     """Where MuJoCo holds row `row` of an element: in a row of the equalities, or with a guide, or as a constant.
 
-    Attributes
-    ----------
-    equality, guide : int or None
-        Row among those of all equalities; index of the guide. If both are None the row is `constant`.
-    unit : int
-        The power of the length in the row's unit: 0 for an angle, 1 for a length.
-    form : Form
-        What the row is of ours, both in metres and radians (`crosscheck.engines.frames`).
+    `equality` is the row among those of all equalities, `guide` the index of the guide; without both the row is
+    `constant`. `unit` is the power of length in its unit, 0 for an angle; `form` what it is of ours, both in metres and
+    radians (`crosscheck.engines.frames`).
     """
 
     element: Element

@@ -35,16 +35,10 @@ RELAXATIONS = (1, 2, 3, 4, 6, 8)
 
 @dataclass(frozen=True)
 class Setting:
-    """How MuJoCo steps.
+    """How MuJoCo steps, so often between two times of the scene.
 
-    Attributes
-    ----------
-    steps : int
-        Steps between two times of the scene.
-    timeconst : float or None
-        The time constant of solref in steps; None for the defaults of solref and solimp.
-    impedance : float
-        solimp, the same at any distance.
+    `timeconst` is the time constant of solref in steps, None for the defaults of solref and solimp; `impedance` is
+    solimp, the same at any distance.
     """
 
     integrator: str

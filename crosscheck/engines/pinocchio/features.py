@@ -188,7 +188,7 @@ class ForwardDynamics:
     def __init__(self, engine: TreeEngine, effect: str | None) -> None:
         self.system = TreeSystem(engine)
         planar = tree_model(engine.tree)  # a model of its own: the kinematic one has no masses
-        with_mass(planar, 1.0, (0.0, 0.0))
+        _with_mass(planar, 1.0, (0.0, 0.0))
         self.model = affected(planar, effect).model
         self.data = planar.data
         self.effort = np.full(self.model.nv, EFFORT if effect == "actuation" else 0.0)
@@ -200,14 +200,8 @@ class ForwardDynamics:
         return np.array(pin.forwardDynamics(self.model, self.data, q, qd, self.effort, jacobian, drift, 0.0))
 
 
-def with_mass(planar: PlanarModel, mass: float, lever: tuple[float, float]) -> None:
-    """Give every joint's body a mass and as much inertia, at a lever from the joint.
-
-    Parameters
-    ----------
-    planar, mass, lever : PlanarModel, float, (x, y)
-        The model is changed, in its own units; the lever leads from the joint to the centre of mass.
-    """
+def _with_mass(planar: PlanarModel, mass: float, lever: tuple[float, float]) -> None:
+    """Give every joint's body a mass and as much inertia, in the model's units, at a lever from the joint."""
     for joint in range(1, planar.model.njoints):
         planar.model.inertias[joint] = pin.Inertia(mass, np.array([*lever, 0.0]), mass * np.eye(3))
 
@@ -241,7 +235,7 @@ EFFECTS = {
         "an effort of 10 in every joint, where a method takes efforts",
         _filled(lowerEffortLimit=-EFFORT, upperEffortLimit=EFFORT),
     ),
-    "inertia": Switch("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
+    "inertia": Switch("seven times the mass, off the joints", lambda planar: _with_mass(planar, 7.0, (0.3, 0.1))),
 }
 
 MISSING = {

@@ -80,12 +80,7 @@ class PlanarModel:
     def sampled(self, pose: Callable[..., None], given: Sequence[Array], targets: Sequence[Target]) -> None:
         """Read targets at B poses, one after the other, each into its row of the target's array.
 
-        Parameters
-        ----------
-        pose : callable
-            `place` or `move`.
-        given : sequence of (B, nv) array
-            What it is called with.
+        `pose`, which is `place` or `move`, is called with what is given, (B, nv) each.
         """
         views = [(read, out) for read, out in targets if not callable(read)]
         reads = [(read, out) for read, out in targets if callable(read)]

@@ -33,13 +33,8 @@ from refkin.joints import Element, GuidedPoint, PointsCoincide, RelativeAngle
 class PinocchioRows(Protocol):
     """Rows of one of Pinocchio's constraints: what is read of it at a pose, in turn, and what that says of the rows.
 
-    Attributes
-    ----------
-    constraint, data : Any
-        Pinocchio's own.
-    still, rates, bends : sequence of Read
-        What is read where the model is placed (slopes, then gaps or both places), where it moves, and where nothing
-        accelerates it.
+    It is read `still` where the model is placed (slopes, then gaps or both places), `rates` where it moves, `bends`
+    where nothing accelerates it. Constraint and data are Pinocchio's own.
     """
 
     count: int

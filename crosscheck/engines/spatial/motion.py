@@ -166,15 +166,10 @@ SPATIAL_VECTORS = tuple(
 
 
 class SpaceRows(ConstraintModel):
-    """An engine's rows for some joints of a mechanism.
+    """An engine's rows for some joints of a mechanism; `build` is as for `SpaceSystem`.
 
-    Parameters
-    ----------
-    build : callable
-        As for `SpaceSystem`.
-    welds : float or None
-        What the engine's rotation rows of a weld are of the half-angle rows, up to the sign of the Euler parameters;
-        None if it has no weld.
+    `welds` is what its rotation rows of a weld are of the half-angle rows, up to the sign of the Euler parameters; None
+    if it has no weld.
     """
 
     owns_driver = False

@@ -126,18 +126,11 @@ MOVED: Mapping[JointKind, tuple[JointKind, ...]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """A joint between bodies i and j.
+    """A joint between bodies i and j: its points u (3,), each in its body's frame, and what is said of them.
 
-    Attributes
-    ----------
-    u_i, u_j : (3,) array
-        Its points, each in its body's frame.
-    frame_i, frame_j : (3, 3) array
-        Its frames, columns f, g, h (`joint_frame`); of a joint without axes the identity.
-    length, pitch, shift : float
-        Of a distance; of a screw: length for each radian, and length at angle zero.
-    rows : tuple of int
-        Which of the joint's rows its own are, in the order of `SHAPES`.
+    Its frames (3, 3) have columns f, g, h (`joint_frame`); of a joint without axes they are the identity. `length` is a
+    distance, `pitch` a screw's length for each radian, `shift` its length at angle zero. `rows` are those of the joint
+    that are its own, in the order of `SHAPES`.
     """
 
     name: str

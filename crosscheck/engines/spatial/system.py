@@ -50,12 +50,7 @@ class Place:
 class SpaceEngine(Protocol):
     """An engine's model of a `SpaceTree` at one pose after another; columns are rates (v,) of its joints.
 
-    Attributes
-    ----------
-    places : list of Place
-        What is read, given at construction.
-    pairs : list of (int, int)
-        Which places (of i, of j) the engine itself holds together.
+    It is given the places to be read, and the pairs of them, of i and of j, that it holds together itself.
     """
 
     tree: SpaceTree
@@ -92,12 +87,7 @@ class SpaceSystem(Equations):
 
     The spin of a passive body (`Numbers.passive`), the first of those that spin as one, is held still by a row of rates
     alone, w . u = 0 along its line u: no step of Newton turns it, and its rates and accelerations are those without it.
-    Where it ends depends on the way there.
-
-    Parameters
-    ----------
-    build : callable
-        Tree, places and pairs -> the engine's model.
+    Where it ends depends on the way there. `build` makes the engine's model of tree, places and pairs.
     """
 
     def __init__(self, tree: SpaceTree, build: Callable[[SpaceTree, list[Place], list[tuple[int, int]]], Any]) -> None:

@@ -59,20 +59,10 @@ Joint = tuple[Element, ...]
 class Edge:
     """How a body hangs on its parent: pose = parent's pose . shift(point) . turn(angle) . freedom(q) . shift(-pin).
 
-    Attributes
-    ----------
-    body, parent : str
-        The parent is the ground or the body of an earlier edge.
-    freedom : Freedom
-        TURN: turned by q. SLIDE: shifted by q times `axis`. FREE: shifted by q[0], q[1], turned by q[2].
-    point, pin : pair of float
-        The joint's point on the parent and on the body, each in its own frame, in units of the size.
-    angle : float
-        Constant angle between the two [rad].
-    axis : pair of float
-        Unit vector of a slide, in the body's own frame.
-    first : int
-        Where the edge's coordinates begin in the tree's q.
+    The parent is the ground or the body of an earlier edge. TURN is turned by q, SLIDE shifted by q times `axis`, FREE
+    shifted by q[0], q[1] and turned by q[2]. `point` and `pin` are the joint's point on parent and body, each in its
+    own frame, in units of the size; `angle` [rad] is constant between the two; the unit vector `axis` is in the body's
+    own frame. The edge's coordinates begin at `first` in the tree's q.
     """
 
     body: str
@@ -89,16 +79,10 @@ class Edge:
 class JointTree:
     """Edges, parents before children, one per body; and what is left to be closed.
 
-    Attributes
-    ----------
-    closures : tuple of Element
-        Those of the joints that are no edge, in the scene's own numbers (metres): read their points through `scaled`.
-    driven : tuple of Element
-        Those that a law moves, of joints and drivers.
-    size, origin : float, pair of float
-        Unit of length [m] and the ground point [m] that is the tree's origin.
-    links : mapping of str to PointDistance
-        Massless links that stand for distances: bodies of the tree, but not of the scene.
+    `closures` are elements of the joints that are no edge, in the scene's own numbers (metres): read their points
+    through `scaled`. `driven` are those that a law moves, of joints and drivers. `size` [m] is the unit of length,
+    `origin` [m] the ground point that is the tree's. Massless `links` stand for distances: they are bodies of the tree,
+    but not of the scene.
     """
 
     edges: tuple[Edge, ...]

@@ -187,14 +187,8 @@ def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
 class Clockwork:
     """The prescribed coordinates at every step between the times of a scene.
 
-    Attributes
-    ----------
-    columns : (d,) array of int
-        Which coordinates are prescribed.
-    times : (T, steps) array
-        Times at the beginning of each step [s]; row k leads to time k + 1 of the scene.
-    values : (3, T, steps, d) array
-        Value, rate and acceleration at those times; the last row belongs to the last time alone.
+    `columns` (d,) are those that are prescribed, `times` (T, steps) begin each step [s], of which row k leads to time
+    k + 1 of the scene; `values` (3, T, steps, d) are value, rate and acceleration then, the last row at the last one.
     """
 
     columns: Array
@@ -224,13 +218,7 @@ class Clockwork:
 class Loops:
     """The loops of a tree whose open joints are revolute, with as many free coordinates as they have equations.
 
-    Attributes
-    ----------
-    tree : Tree
-    clock : Clockwork
-        The prescribed coordinates at the times of the scene.
-    free : (f,) array of int
-        The other coordinates: what Newton corrects.
+    `clock` has the prescribed coordinates at the times of the scene; Newton corrects the others, `free` (f,).
     """
 
     tree: Tree

@@ -29,13 +29,8 @@ Places = Sequence[tuple[str, Pair]]
 class TreeEngine(Protocol):
     """An engine's model of a `JointTree`, in the tree's coordinates, unit of length and origin, at B poses at once.
 
-    Arrays are fresh copies. Points are given in their body's own frame, in units of the size; never on the ground.
-
-    Attributes
-    ----------
-    tree : JointTree
-    closure_rows : int
-        The number c of rows that the tree's closures have.
+    Arrays are fresh copies. Points are given in their body's own frame, in units of the size; never on the ground. The
+    tree's closures have c = `closure_rows` rows.
     """
 
     tree: JointTree

@@ -96,14 +96,7 @@ class MinimumStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where the sum of squared closure errors is least, near an estimate.
-
-    Attributes
-    ----------
-    q, residual : (n,) array
-    gap : float
-        Root of the sum of squares: by how much the loops together stay open.
-    """
+    """Where the sum of squared closure errors is least, near an estimate: q and residual (n,)."""
 
     status: MinimumStatus
     q: Any
@@ -111,6 +104,7 @@ class Minimum:
 
     @property
     def gap(self) -> float:
+        """Root of the sum of squares: by how much the loops together stay open."""
         return float(np.sqrt(self.residual @ self.residual))
 
 
@@ -175,17 +169,10 @@ class LoopEquations(Equations):
 
 @dataclass(frozen=True)
 class LoopMarch:
-    """Unknowns and rates over the times.
+    """Unknowns and rates (n, T) over the times: NaN where there is no answer, rates also where the pose is singular.
 
-    Attributes
-    ----------
-    t : (T,) array
-    q, qd, qdd : (n, T) array
-        NaN where there is no answer; rates also where the pose is singular.
-    status : tuple of Status
-        OK, SINGULAR, or NOT_CONVERGED: not reached, which proves nothing.
-    residual : (T,) array
-        Largest closure error, in units of the system's scale.
+    A status is OK, SINGULAR, or NOT_CONVERGED: not reached, which proves nothing. `residual` (T,) has largest closure
+    errors, in units of the system's scale.
     """
 
     t: Any

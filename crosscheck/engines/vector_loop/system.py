@@ -30,24 +30,11 @@ class AngleRelation:
 
 
 class LoopSystem:
-    """The equations of a set of loops, as many as unknowns.
+    """The equations of a set of loops, of which each sums to zero, and relations: as many as unknowns.
 
-    Parameters
-    ----------
-    unknowns : sequence of str
-        Names; their order is that of q.
-    loops : sequence of sequences of Vector
-        Each sums to zero.
-    relations : sequence of Relation
-
-    Attributes
-    ----------
-    scale : float
-        The power of two nearest the longest constant vector; 1 if there is none.
-    is_angle : (n,) array
-        Which unknowns are angles; the others are lengths.
-    weights : (n,) array
-        What makes unknowns comparable: 1 for an angle, 1/scale for a length.
+    The names of unknowns are in the order of q. `scale` is the power of two nearest the longest constant vector, 1 if
+    there is none. `is_angle` (n,) says which unknowns are angles; the others are lengths. `weights` (n,) make them
+    comparable: 1 for an angle, 1/scale for a length.
     """
 
     def __init__(

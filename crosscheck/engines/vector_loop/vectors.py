@@ -23,15 +23,7 @@ from refkin.motion_laws import Law
 
 @dataclass(frozen=True)
 class Variable:
-    """constant + unknown + sum of factor * law(t): an angle [rad] or a length.
-
-    Attributes
-    ----------
-    constant : float
-    unknown : str or None
-        The name of the unknown that it contains.
-    laws : tuple of (factor, law)
-    """
+    """constant + unknown, by its name, + sum of factor * law(t): an angle [rad] or a length."""
 
     constant: float = 0.0
     unknown: str | None = None
@@ -72,13 +64,7 @@ def combined(vectors: Sequence[LoopVector]) -> list[LoopVector]:
 
 
 class Variables:
-    """A column of K variables as functions of the unknowns and of time.
-
-    Attributes
-    ----------
-    slope : (K, n) array
-        1 where a variable contains an unknown.
-    """
+    """A column of K variables as functions of the unknowns and of time; `slope` (K, n) is 1 where one contains one."""
 
     def __init__(self, variables: Sequence[Variable], unknowns: Sequence[str]) -> None:
         self.variables = tuple(variables)
@@ -110,15 +96,7 @@ class Variables:
 
 
 class Sums:
-    """Rows of sums of vectors.
-
-    Attributes
-    ----------
-    coefficients : (K,) complex array
-        Of all vectors of all rows.
-    which : (rows, K) array
-        1 where a vector belongs to a row.
-    """
+    """Rows of sums of K vectors with complex `coefficients`; `which` (rows, K) is 1 where one belongs to a row."""
 
     def __init__(self, rows: Sequence[Sequence[LoopVector]], unknowns: Sequence[str]) -> None:
         vectors = [v for row in rows for v in row]
