@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import refkin
 from crosscheck.documents import loops
 from crosscheck.engines import EngineError, Level, Support, vector_loop
-from crosscheck.engines.vector_loop.engine import VectorLoop, read
+from crosscheck.engines.vector_loop.engine import Reading, VectorLoop
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check, permuted
 from crosscheck.strategies import Hardness, drawn_scenes
@@ -136,8 +136,8 @@ def test_it_declares_that_it_has_no_rows():
 
 
 def test_a_driven_crank_is_no_unknown_and_a_four_bar_is_one_loop():
-    value = read(four_bar().scene).system
+    value = Reading(four_bar().scene).system
 
     assert value.unknowns == ("angle of rocker", "angle of coupler")
     assert len(value.loops) == 1
-    assert read(CASES["welded arm"]().scene).system.n == 0
+    assert Reading(CASES["welded arm"]().scene).system.n == 0

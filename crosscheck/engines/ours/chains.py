@@ -40,16 +40,13 @@ def sparse(workload: Workload, order: int) -> Batch:
 
 def by_program(work: LoopChain) -> Batch:
     """Return the fast path's program, on a single sample."""
-    refuse_longer(work, *OF_PROGRAM)
-    program, core = program_of(replace(work.scene, effects=frozenset()))
+    program, system, start = _laid_out(work)
     from refkin.fast.elimination.run import Workspace
 
-    system, t = _system(work), work.scene.times[0]
-    space = Workspace(program, 1)
+    t, space = work.scene.times[0], Workspace(program, 1)
     space.give_geometry([p.g for p in system.placed])
     laws = {k: p.constraint.inputs(t, system.unit, 2) for k, p in enumerate(system.placed) if p.constraint.laws}
     space.give_laws(laws)
-    start = system.to_unit(work.start)[list(core)]
 
     def answered() -> Any:
         for row, value in zip(space.core(), start, strict=True):
@@ -65,13 +62,10 @@ def by_program(work: LoopChain) -> Batch:
 
 def same_program(work: LoopChain) -> Batch:
     """Return the fast path's program, compiled."""
-    refuse_longer(work, *OF_PROGRAM)
-    program, core = program_of(replace(work.scene, effects=frozenset()))
+    program, system, start = _laid_out(work)
     function = library("program.c", program=emitted(program)).program_newton
     function.restype = ctypes.c_double
-    system = _system(work)
     geometry = np.array([system.placed[c].g[k] for _, (c, k) in geometry_of(program)])
-    start = system.to_unit(work.start)[list(core)]
     law = [ctypes.c_double(float(work.law(0.0, order))) for order in range(3)]
     out = np.empty(system.n)
 
@@ -117,6 +111,14 @@ def program_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
     if answer is None:
         raise EngineError("there is no program for this scene")
     return answer.made.program, answer.made.core
+
+
+def _laid_out(work: LoopChain) -> tuple[Any, System, Any]:
+    """Return a chain's program, its equations, and where the program starts."""
+    refuse_longer(work, *OF_PROGRAM)
+    program, core = program_of(replace(work.scene, effects=frozenset()))
+    system = _system(work)
+    return program, system, system.to_unit(work.start)[list(core)]
 
 
 def _system(work: LoopChain) -> System:

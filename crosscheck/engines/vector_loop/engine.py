@@ -11,8 +11,7 @@ the assembly and whole turns.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,149 +32,99 @@ from crosscheck.engines import (
 from crosscheck.engines.vector_loop.chains import Estimates, VectorChain, VectorChains, angle_families
 from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.system import LoopSystem
-from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variable, Variables, combined
+from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variables, combined
 from crosscheck.scenes.names import called_for
 from refkin.joints import GROUND
 from refkin.model import Scene
 from refkin.motion import Motion, PointMotion, Producer, Status, engine_motion
 
 
-@dataclass(frozen=True)
 class Reading:
     """A scene in loops, lengths in units of `size` [m], places on the ground counted from `origin` [m].
 
-    Attributes
-    ----------
-    system : LoopSystem
-    q0 : (n,) array
-        The unknowns at the first time by the bodies' estimates.
-    places : Sums
-        Rows: the origins of the wanted bodies, then the scene's points.
-    angles : Variables
-        Of the wanted bodies.
-    distance : callable
-        How far given unknowns put the bodies from their estimates at the first time.
+    `q0` (n,) are the unknowns at the first time by the bodies' estimates. Rows of `places` are the origins of the wanted
+    bodies, whose `angles` are known too, then the scene's points. A scene is refused of which a joint makes no vector, a
+    body hangs on nothing, or there are not as many equations as unknowns with an estimate.
     """
 
-    system: LoopSystem
-    q0: Any
-    places: Sums
-    angles: Variables
-    distance: Callable[[Any], float]
-    size: float
-    origin: complex
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.estimates, self.t0 = scene, Estimates(scene), float(scene.times[0])
+        self.size, self.origin = self.estimates.size, self.estimates.origin
+        self.angle_of, families = angle_families(scene.mechanism)
+        chains = VectorChains(scene, self.angle_of, self.estimates)
+        self.positions: dict[str, Sequence[LoopVector]] = {
+            GROUND: []
+        }  # body -> what leads from the origin to its frame
+        loops = []
+        for chain in self._left_of(chains.chains):
+            out, back = (self._first_point(c) for c in (chain, chain.turned_round()))
+            loops.append(combined([*out, *chain.gap, *(v.times(-1.0) for v in back)]))
+        unknowns = self._unknowns(loops, chains)
+        points = [(point.body, self.estimates.local(point.body, point.position)) for point in scene.points]
+        rows = [self.positions[body] for body in scene.wanted]
+        rows += [combined([*self.positions[body], LoopVector(u, angle=self.angle_of[body])]) for body, u in points]
+        self.system = LoopSystem(unknowns, loops, chains.relations)
+        self.q0 = self._guesses(unknowns, families, dict(chains.guesses))
+        self.places = Sums(rows, unknowns)
+        self.angles = Variables([self.angle_of[body] for body in scene.wanted], unknowns)
+        bodies = [body.name for body in scene.mechanism.bodies if body.estimate is not None]
+        self._known = Sums([self.positions[body] for body in bodies], unknowns)
+        self._known_angles = Variables([self.angle_of[body] for body in bodies], unknowns)
+        self._there = [self.estimates.frame(body) for body in bodies]
 
+    def distance(self, q: Any) -> float:
+        """Return how far given unknowns put the bodies from their estimates at the first time."""
+        apart = self._known.value(q, self.t0) - [r for r, _ in self._there]
+        turned = self._known_angles.at(q, self.t0) - [phi for _, phi in self._there]
+        return math.hypot(*np.abs(apart), *turned)
 
-Positions = Mapping[str, Sequence[LoopVector]]
-"""Body -> the vectors that lead from the origin to its frame."""
+    def _refusal(self, why: str) -> EngineError:
+        return EngineRefusal(f"vector_loop refuses {self.scene.name!r}: {why}")
 
+    def _left_of(self, chains: Sequence[VectorChain]) -> list[VectorChain]:
+        """Find the vectors to all bodies, breadth first so that they are short; return the chains that are left over."""
+        left, reached = list(chains), [GROUND]
+        for body in reached:
+            for chain in list(left):
+                if body not in (chain.i, chain.j) or (chain.i in self.positions and chain.j in self.positions):
+                    continue
+                left.remove(chain)
+                out = chain if chain.i == body else chain.turned_round()
+                to_frame = LoopVector(-out.p_j, angle=self.angle_of[out.j])
+                self.positions[out.j] = combined([*self._first_point(out), *out.gap, to_frame])
+                reached.append(out.j)
+        lost = [body.name for body in self.scene.mechanism.bodies if body.name not in self.positions]
+        if lost:
+            raise self._refusal(f"no joint leads from the ground to {', '.join(lost)}")
+        return left
 
-def read(scene: Scene) -> Reading:
-    """Return the loops of a scene.
+    def _first_point(self, chain: VectorChain) -> list[LoopVector]:
+        """Return what leads from the origin to the first point of a chain."""
+        return [*self.positions[chain.i], LoopVector(chain.p_i, angle=self.angle_of[chain.i])]
 
-    Raises
-    ------
-    EngineError
-        If a joint makes no vector, a body hangs on nothing, there are more or fewer equations than unknowns, or an
-        unknown has no estimate.
-    """
-    (angles, families), estimates = angle_families(scene.mechanism), Estimates(scene)
-    chains = VectorChains(scene, angles, estimates)
-    positions, left = _tree(scene, chains.chains, angles)
-    loops = []
-    for chain in left:
-        out, back = (_first_point(positions, angles, c) for c in (chain, chain.turned_round()))
-        loops.append(combined([*out, *chain.gap, *(v.times(-1.0) for v in back)]))
-    unknowns = _unknowns(scene, loops, chains)
-    points = [(point.body, estimates.local(point.body, point.position)) for point in scene.points]
-    rows = [positions[body] for body in scene.wanted]
-    rows += [combined([*positions[body], LoopVector(u, angle=angles[body])]) for body, u in points]
-    return Reading(
-        system=LoopSystem(unknowns, loops, chains.relations),
-        q0=_guesses(scene, unknowns, angles, families, chains, estimates),
-        places=Sums(rows, unknowns),
-        angles=Variables([angles[body] for body in scene.wanted], unknowns),
-        distance=_distance(scene, positions, angles, unknowns, estimates),
-        size=estimates.size,
-        origin=estimates.origin,
-    )
+    def _unknowns(self, loops: Sequence[Sequence[LoopVector]], chains: VectorChains) -> list[str]:
+        """Return the names of what the equations contain, as many as there are equations."""
+        variables = [v for loop in loops for vector in loop for v in (vector.angle, vector.length)]
+        variables += [v for relation in chains.relations for _, v in relation.terms]
+        names = list(dict.fromkeys(v.unknown for v in variables if v.unknown is not None))
+        free = len(names) - 2 * len(loops) - len(chains.relations)
+        if free:
+            why = f"{-free} redundant constraints" if free < 0 else f"its loops leave {free} unknowns free"
+            raise self._refusal(why)
+        return names
 
-
-def _refuse(scene: Scene, why: str) -> EngineError:
-    return EngineRefusal(f"vector_loop refuses {scene.name!r}: {why}")
-
-
-def _tree(
-    scene: Scene, chains: Sequence[VectorChain], angles: Mapping[str, Variable]
-) -> tuple[Positions, list[VectorChain]]:
-    """Return the vectors to all bodies, breadth first so that they are short, and the chains that are left over."""
-    positions: dict[str, Sequence[LoopVector]] = {GROUND: []}
-    left, reached = list(chains), [GROUND]
-    for body in reached:
-        for chain in list(left):
-            if body not in (chain.i, chain.j) or (chain.i in positions and chain.j in positions):
-                continue
-            left.remove(chain)
-            out = chain if chain.i == body else chain.turned_round()
-            to_frame = LoopVector(-out.p_j, angle=angles[out.j])
-            positions[out.j] = combined([*_first_point(positions, angles, out), *out.gap, to_frame])
-            reached.append(out.j)
-    lost = [body.name for body in scene.mechanism.bodies if body.name not in positions]
-    if lost:
-        raise _refuse(scene, f"no joint leads from the ground to {', '.join(lost)}")
-    return positions, left
-
-
-def _first_point(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[LoopVector]:
-    """Return what leads from the origin to the first point of a chain."""
-    return [*positions[chain.i], LoopVector(chain.p_i, angle=angles[chain.i])]
-
-
-def _unknowns(scene: Scene, loops: Sequence[Sequence[LoopVector]], chains: VectorChains) -> list[str]:
-    """Return the names of what the equations contain, as many as there are equations."""
-    variables = [v for loop in loops for vector in loop for v in (vector.angle, vector.length)]
-    variables += [v for relation in chains.relations for _, v in relation.terms]
-    names = list(dict.fromkeys(v.unknown for v in variables if v.unknown is not None))
-    free = len(names) - 2 * len(loops) - len(chains.relations)
-    if free:
-        raise _refuse(scene, f"{-free} redundant constraints" if free < 0 else f"its loops leave {free} unknowns free")
-    return names
-
-
-def _guesses(
-    scene: Scene,
-    unknowns: Sequence[str],
-    angles: Mapping[str, Variable],
-    families: Mapping[str, Sequence[str]],
-    chains: VectorChains,
-    estimates: Estimates,
-) -> Any:
-    """Return the unknowns as the estimates have them; for a family of angles any member will do."""
-    t0, guess_of = float(scene.times[0]), dict(chains.guesses)
-    for name, members in families.items():
-        apart = Variables([angles[body] for body in members], [name]).known(t0, 0)
-        by_member = [estimates.frame(body)[1] - shift for body, shift in zip(members, apart, strict=True)]
-        guess_of[name] = next((guess for guess in by_member if math.isfinite(guess)), math.nan)
-    missing = [name for name in unknowns if not math.isfinite(guess_of[name])]
-    if missing:
-        raise _refuse(scene, f"no body has an estimate of the {', the '.join(missing)}")
-    return np.array([guess_of[name] for name in unknowns], float)
-
-
-def _distance(
-    scene: Scene, positions: Positions, angles_of: Mapping[str, Variable], unknowns: Sequence[str], estimates: Estimates
-) -> Callable[[Any], float]:
-    t0 = float(scene.times[0])
-    bodies = [body.name for body in scene.mechanism.bodies if body.estimate is not None]
-    places = Sums([positions[body] for body in bodies], unknowns)
-    angles = Variables([angles_of[body] for body in bodies], unknowns)
-    there = [estimates.frame(body) for body in bodies]
-
-    def distance(q: Any) -> float:
-        apart = places.value(q, t0) - [r for r, _ in there]
-        return math.hypot(*np.abs(apart), *(angles.at(q, t0) - [phi for _, phi in there]))
-
-    return distance
+    def _guesses(
+        self, unknowns: Sequence[str], families: Mapping[str, Sequence[str]], guess_of: dict[str, float]
+    ) -> Any:
+        """Return the unknowns as the estimates have them; for a family of angles any member will do."""
+        for name, members in families.items():
+            apart = Variables([self.angle_of[body] for body in members], [name]).known(self.t0, 0)
+            by_member = [self.estimates.frame(body)[1] - shift for body, shift in zip(members, apart, strict=True)]
+            guess_of[name] = next((guess for guess in by_member if math.isfinite(guess)), math.nan)
+        missing = [name for name in unknowns if not math.isfinite(guess_of[name])]
+        if missing:
+            raise self._refusal(f"no body has an estimate of the {', the '.join(missing)}")
+        return np.array([guess_of[name] for name in unknowns], float)
 
 
 ROUTE = route_by("vector loops", "loop closure", "refkin.newton")
@@ -197,8 +146,7 @@ class VectorLoop(Adapter):
     solving, table = (ROUTE,), CAPABILITIES
 
     def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion of a scene; raises as `read`."""
-        reading = read(scene)
+        reading = Reading(scene)
         moved = march(reading.system, scene.times, reading.q0, reading.distance)
         places = _places(reading, moved)
         bodies = [_rows(reading, moved, place, order) for order, place in enumerate(places)]
