@@ -42,9 +42,9 @@ from refkin.motion import Motion, PointMotion, Producer, Status, engine_motion
 class Reading:
     """A scene in loops, lengths in units of `size` [m], places on the ground counted from `origin` [m].
 
-    `q0` (n,) are the unknowns at the first time by the bodies' estimates. Rows of `places` are the origins of the wanted
-    bodies, whose `angles` are known too, then the scene's points. A scene is refused of which a joint makes no vector, a
-    body hangs on nothing, or there are not as many equations as unknowns with an estimate.
+    `q0` (n,) are the unknowns at the first time by the bodies' estimates. Rows of `places` are the origins of wanted
+    bodies, which `angles` are of, then the scene's points. A scene is refused if a joint makes no vector, a body hangs
+    on nothing, there are more or fewer equations than unknowns, or an unknown has no estimate.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -52,9 +52,7 @@ class Reading:
         self.size, self.origin = self.estimates.size, self.estimates.origin
         self.angle_of, families = angle_families(scene.mechanism)
         chains = VectorChains(scene, self.angle_of, self.estimates)
-        self.positions: dict[str, Sequence[LoopVector]] = {
-            GROUND: []
-        }  # body -> what leads from the origin to its frame
+        self.positions: dict[str, Sequence[LoopVector]] = {GROUND: []}  # what leads from the origin to its frame
         loops = []
         for chain in self._left_of(chains.chains):
             out, back = (self._first_point(c) for c in (chain, chain.turned_round()))
@@ -82,7 +80,7 @@ class Reading:
         return EngineRefusal(f"vector_loop refuses {self.scene.name!r}: {why}")
 
     def _left_of(self, chains: Sequence[VectorChain]) -> list[VectorChain]:
-        """Find the vectors to all bodies, breadth first so that they are short; return the chains that are left over."""
+        """Find the vectors to all bodies, breadth first so that they are short; return the chains left over."""
         left, reached = list(chains), [GROUND]
         for body in reached:
             for chain in list(left):
@@ -113,9 +111,7 @@ class Reading:
             raise self._refusal(why)
         return names
 
-    def _guesses(
-        self, unknowns: Sequence[str], families: Mapping[str, Sequence[str]], guess_of: dict[str, float]
-    ) -> Any:
+    def _guesses(self, unknowns: list[str], families: Mapping[str, Sequence[str]], guess_of: dict[str, float]) -> Any:
         """Return the unknowns as the estimates have them; for a family of angles any member will do."""
         for name, members in families.items():
             apart = Variables([self.angle_of[body] for body in members], [name]).known(self.t0, 0)
