@@ -39,7 +39,7 @@ from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.tree.joint_tree import Array, JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, marched_motion, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, tree_motion
 from refkin.joints import Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
@@ -135,12 +135,10 @@ class Mujoco(SimulatingAdapter):
             return space_motion(scene, MujocoSpace, producer, own)
         tree = joint_tree(scene.mechanism)
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
-        if route == STEPPED:
-            return marched_motion(rows, scene, stepped(tree, scene), producer)
-        if route == SPARSE:
-            return tree_motion(rows, scene, producer, departing=SparseNewton(scene.mechanism).departure)
+        closing = stepped(tree) if route == STEPPED else None
+        departing = SparseNewton(scene.mechanism).departure if route == SPARSE else None
         accelerations = self._forward(tree) if route == FORWARD else None
-        return tree_motion(rows, scene, producer, accelerations)
+        return tree_motion(rows, scene, producer, closing, accelerations, departing)
 
     def _forward(self, tree: JointTree) -> Accelerations:
         """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""

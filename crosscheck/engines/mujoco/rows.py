@@ -182,10 +182,6 @@ class MujocoRows:
             row += 1
         residual[:, row:] = self._constants
 
-    def _normals(self, guided: list[Read]) -> Array:
-        """Return the guides' normals (B, guides, 2), the y axes of their sites."""
-        return guided[1][0][:, self._lines, 1:5:3]
-
     def rates(self, q: Array, qd: Array, places: Places = ()) -> tuple[Array, ...]:
         """Return the rows' velocities (B, m) and drift terms -Jdot qd (B, m), both without what the laws bring.
 
@@ -331,7 +327,7 @@ class MujocoRows:
         if not guided:
             return gap[:, :0], gap[:, :0]
         at = self._connects
-        n, omega = self._normals(guided), guided[2][0][:, self._turned, 2:3]
+        n, omega = guided[1][0][:, self._lines, 1:5:3], guided[2][0][:, self._turned, 2:3]  # normals: y axes of sites
         turned = omega * np.stack([-n[..., 1], n[..., 0]], axis=-1)
         bent = n * drift[:, at] - 2.0 * turned * rate[:, at] + omega * omega * n * gap[:, at]
         return guided[0][0][:, 4 : 6 * len(self._turns) : 6], np.sum(bent, axis=-1)

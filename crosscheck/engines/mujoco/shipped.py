@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal, Term, in_space, route_by
-from crosscheck.engines.march import MarchResult, one_by_one
+from crosscheck.engines.march import Closing
 from crosscheck.engines.mujoco.model import Plan, add_equality, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
@@ -27,7 +27,7 @@ from crosscheck.engines.spatial.reading import Drive, Hold, JointKind, numbers_o
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import WIDTH, space_tree
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
-from refkin.model import Mechanism, Scene
+from refkin.model import Mechanism
 
 STEPPED = route_by(
     "mujoco",
@@ -59,14 +59,14 @@ def soft(freedoms: int) -> Term:
     )
 
 
-def stepped(tree: JointTree, scene: Scene) -> MarchResult:
-    """Return the tree coordinates at all times of a scene; EngineError if no equality constraint closes a loop."""
+def stepped(tree: JointTree) -> Closing:
+    """Return what closes a tree; EngineError if no equality constraint closes a loop."""
     plan = Plan(tree, (*tree.closures, *tree.driven))
     if plan.guides:
         raise EngineRefusal(
             f"mujoco refuses this scene by the method {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
-    return one_by_one(Simulation(plan).at_rest, tree.start(), scene.times)
+    return Simulation(plan).at_rest
 
 
 class Simulation:

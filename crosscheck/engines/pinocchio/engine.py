@@ -38,7 +38,7 @@ from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExampl
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.tree.joint_tree import JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, marched_motion, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, tree_motion
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route
@@ -117,10 +117,9 @@ class Pinocchio(SimulatingAdapter):
         if route in FEATURES:
             return pin_rows(scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
-        if route == CLOSED_CHAIN:
-            return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
+        closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
         forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
-        return tree_motion(tree, scene, producer, forward)
+        return tree_motion(tree, scene, producer, closing, forward)
 
 
 class PinocchioConstraints(ConstraintModel):

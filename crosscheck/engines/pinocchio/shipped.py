@@ -16,13 +16,12 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
-from crosscheck.engines.march import MarchResult, one_by_one
+from crosscheck.engines.march import Closing
 from crosscheck.engines.pinocchio.model import shift, tree_model, turn, unit_vector
 from crosscheck.engines.spatial.reading import Drive, JointKind
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
-from refkin.model import Scene
 
 CLOSED_CHAIN = route_by(
     "pinocchio",
@@ -41,8 +40,8 @@ STOP = Term(
 )
 
 
-def closed_chain(tree: JointTree, scene: Scene) -> MarchResult:
-    """Return the tree coordinates at all times of a scene.
+def closed_chain(tree: JointTree) -> Closing:
+    """Return what closes a tree.
 
     A loop that no revolute joint closes is refused, and a driver that holds no joint by which a body hangs on the
     ground.
@@ -55,7 +54,7 @@ def closed_chain(tree: JointTree, scene: Scene) -> MarchResult:
     ends = [[planar.frames[body].at(tree.scaled(body, u)) for body, u in reversed(e.ends)] for e in tree.closures]
     places = [[x for end in pair for x in (end.joint, end.placement)] for pair in ends]
     example = Example(planar.model, planar.data, places, lambda t: [(held.joint, held.moved(t)) for held in drivers])
-    return one_by_one(example.closed, tree.start(), scene.times)
+    return example.closed
 
 
 class Example:

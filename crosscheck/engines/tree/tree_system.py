@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineError, Term
-from crosscheck.engines.march import MarchResult, march
+from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.scenes.names import called_for, order_of
@@ -222,6 +222,7 @@ def tree_motion(
     engine: TreeEngine,
     scene: Scene,
     producer: Producer,
+    own: Closing | None = None,
     accelerations: Accelerations | None = None,
     departing: Accelerations | None = None,
 ) -> Motion:
@@ -230,29 +231,23 @@ def tree_motion(
     Parameters
     ----------
     engine, scene, producer : TreeEngine, Scene, Producer
+    own : callable, optional
+        What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
     accelerations : callable, optional
         What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
     departing : callable, optional
         What is added to qdd, likewise.
     """
-    order = order_of(scene)
-    poses = march(TreeSystem(engine, scene.times), engine.tree.start(), scene.times, order)
+    order, start = order_of(scene), engine.tree.start()
+    if own is not None:
+        poses = one_by_one(own, start, scene.times)
+    else:
+        poses = march(TreeSystem(engine, scene.times), start, scene.times, order)
     if (accelerations or departing) and order == 2:
         q, qd, qdd = poses.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
             at = q[:, k], qd[:, k], scene.times[k]
             qdd[:, k] = accelerations(*at) if accelerations else qdd[:, k] + departing(*at)  # type: ignore[misc]
-    return marched_motion(engine, scene, poses, producer)
-
-
-def marched_motion(engine: TreeEngine, scene: Scene, poses: MarchResult, producer: Producer) -> Motion:
-    """Return what a scene wants of a march, at the levels that it has.
-
-    Parameters
-    ----------
-    engine, scene, poses, producer : TreeEngine, Scene, MarchResult, Producer
-        Coordinates of the tree may be found in whatever way.
-    """
     places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
