@@ -238,12 +238,13 @@ class Adapter:
             known = ", ".join(repr(r.name) for r in routes)
             raise EngineError(f"{self.name} has no method {route.name!r}; there are: {known}")
         refuse(refusals(self, scene, Level.SOLVE))
-        route, where = route or self.solving[0], "in space: "
-        if in_space(scene.mechanism) and route not in (*self.solving, *self.shipped):
-            raise EngineRefusal(f"{self.name} refuses method {route.name!r} {where}it is written for the plane")
-        if in_space(scene.mechanism) and self.effect is not None:
-            why = "its adapter has them in the plane alone"
-            raise EngineRefusal(f"{self.name} refuses physical effects {where}{why}")
+        route = route or self.solving[0]
+        if in_space(scene.mechanism):
+            if route not in (*self.solving, *self.shipped):
+                raise EngineRefusal(f"{self.name} refuses method {route.name!r} in space: it is written for the plane")
+            if self.effect is not None:
+                why = "its adapter has them in the plane alone"
+                raise EngineRefusal(f"{self.name} refuses physical effects in space: {why}")
         return route
 
     def constraints(self, scene: Scene) -> ConstraintModel:

@@ -127,10 +127,9 @@ class ExudynSpace(ExudynSystem):
         held, frames = [int(k == axis) for k in range(6)], {"rotationMarker0": i, "rotationMarker1": j}
         return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
 
-    def _add(self, hold: Hold, number: Any, **more: Any) -> None:
-        """Take in a row of a joint, or of a driver, as a row of an exudyn object."""
+    def _add(self, hold: Hold, number: Any, which: Sequence[int] = (), **more: Any) -> None:
+        """Take in a row of a joint, or of a driver, as a row of an exudyn object; of axes it is about these columns."""
         frames, ends = (hold.frame_i, hold.frame_j), tuple((b, tuple(map(float, hold.end(b)[0]))) for b in hold.bodies)
-        which = more.pop("which", ())
         axes = tuple(frame[:, k] for frame, k in zip(frames, which, strict=False))
         line = SpatialRow(**{"name": hold.name, "hold": hold, "item": number, "ends": ends, "axes": axes, **more})
         self.lines.append(line)
