@@ -34,9 +34,10 @@ from crosscheck.errors import kept, quoted
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
+from crosscheck.scenes.names import called_for
 from refkin.joints import AxesParallel, Constraint, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, Producer, Route, Seeding, __version__
+from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, __version__, engine_motion
 
 API = (1, 0)
 Array = NDArray[np.float64]
@@ -392,6 +393,24 @@ def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
     engine, scene, level : Engine, Scene, Level
     """
     return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]
+
+
+def answered(
+    scene: Scene, levels: Sequence[Any], points: Iterable[Sequence[Any]], status: Any, producer: Producer, **more: Any
+) -> Motion:
+    """Return what a scene calls for of the motion of its wanted bodies and of its points.
+
+    Parameters
+    ----------
+    scene, status, producer : Scene, sequence of Status, Producer
+    levels, points : sequence of (n, T) array, iterable of such
+        Positions, and as many rates as there are, of all wanted bodies; of one point after the other.
+    **more
+        Of `engine_motion`.
+    """
+    moved = {p.name: PointMotion(*called_for(scene, each)) for p, each in zip(scene.points, points, strict=True)}
+    called = called_for(scene, levels)
+    return engine_motion(scene.times, scene.wanted, *called, status, producer, points=moved, **more)
 
 
 def available() -> dict[str, Any]:

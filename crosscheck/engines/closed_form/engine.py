@@ -15,7 +15,7 @@ Beyond class II (three bodies that close only together) a scene is refused by na
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from crosscheck.engines import (
     EngineError,
     EngineRefusal,
     Term,
+    answered,
     by_level,
     in_space,
     refused,
@@ -39,10 +40,9 @@ from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar
 from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution, rows_of
 from crosscheck.engines.closed_form.space_motion import space_closed
-from crosscheck.scenes.names import called_for
 from refkin.joints import elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, PointMotion, Producer, Route, Status, engine_motion
+from refkin.motion import Motion, Producer, Route, Status
 
 Array = NDArray[np.float64]
 
@@ -139,10 +139,7 @@ def _motion(solution: Solution, producer: Producer) -> Motion:
     _blank(levels, status)
     residual, points = _residual(solution, levels, status), _points(solution, status)
     message = "; ".join(solution.assembly.remarks)
-    called = called_for(scene, levels)
-    return engine_motion(
-        scene.times, scene.wanted, *called, status, producer, message=message, residual=residual, points=points
-    )
+    return answered(scene, levels, points, status, producer, message=message, residual=residual)
 
 
 def _in_scene(solution: Solution, place: Planar) -> tuple[Jet, Jet]:
@@ -206,11 +203,9 @@ def _residual(solution: Solution, levels: list[Array], status: tuple[Status, ...
     return gaps
 
 
-def _points(solution: Solution, status: tuple[Status, ...]) -> dict[str, PointMotion]:
-    scene, motions = solution.scene, {}
-    for point in scene.points:
+def _points(solution: Solution, status: tuple[Status, ...]) -> Iterator[list[Array]]:
+    for point in solution.scene.points:
         place = solution.ground.bodies[point.body].point(Planar(*map(Jet, point.position)))
-        levels = _levels(list(_in_scene(solution, place)), len(scene.times))
+        levels = _levels(list(_in_scene(solution, place)), len(solution.scene.times))
         _blank(levels, status)
-        motions[point.name] = PointMotion(*called_for(scene, levels))
-    return motions
+        yield levels

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Level, Term
+from crosscheck.engines import ConstraintModel, Level, Term, answered
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, JointKind, Numbers, numbers_of
 from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
-from crosscheck.scenes.names import called_for, order_of
+from crosscheck.scenes.names import order_of
 from refkin.joints import SI, Constraint
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, PointMotion, Producer, engine_motion
+from refkin.motion import Motion, Producer
 
 Array = Any
 
@@ -123,15 +123,13 @@ def reported(
     levels, status : list of (7 b, T) array, sequence of Status
         Positions, and as many rates as there are, in the numbers' unit; one status per time.
     **more
-        Of `engine_motion`.
+        Of `answered`.
     """
     wanted = [7 * numbers.bodies.index(body) + k for body in scene.wanted for k in range(7)]
     known = [numbers.levels(level, order) for order, level in enumerate(levels)]
-    shown = called_for(scene, [level[wanted] for level in known])
-    places = ((p, 7 * numbers.bodies.index(p.body)) for p in scene.points)
-    moved = {p.name: _point_levels(p.position, [level[k : k + 7] for level in known]) for p, k in places}
-    points = {name: PointMotion(*called_for(scene, each)) for name, each in moved.items()}
-    return engine_motion(scene.times, scene.wanted, *shown, status, producer, points=points, **more)
+    places = ((p.position, 7 * numbers.bodies.index(p.body)) for p in scene.points)
+    points = (_point_levels(u, [level[k : k + 7] for level in known]) for u, k in places)
+    return answered(scene, [level[wanted] for level in known], points, status, producer, **more)
 
 
 def _point_levels(u: Any, at: list[Array]) -> list[Array]:

@@ -13,14 +13,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from crosscheck.engines import EngineError, Term
+from crosscheck.engines import EngineError, Term, answered
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
-from crosscheck.scenes.names import called_for, order_of
+from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, PointMotion, Producer, engine_motion
+from refkin.motion import Motion, Producer
 
 Places = Sequence[tuple[str, Pair]]
 """Points of bodies, each in its body's own frame."""
@@ -249,16 +249,9 @@ def tree_motion(
             at = q[:, k], qd[:, k], scene.times[k]
             qdd[:, k] = accelerations(*at) if accelerations else qdd[:, k] + departing(*at)  # type: ignore[misc]
     places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
-    points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
-    return engine_motion(
-        scene.times,
-        scene.wanted,
-        *called_for(scene, body_levels(engine, poses, scene.wanted)),
-        poses.status,
-        producer,
-        residual=poses.residual,
-        points={name: PointMotion(r=r, v=v, a=a) for name, (r, v, a) in points.items()},
-    )
+    points = ([level[:, k] for level in places] for k in range(len(scene.points)))
+    levels = body_levels(engine, poses, scene.wanted)
+    return answered(scene, levels, points, poses.status, producer, residual=poses.residual)
 
 
 def body_levels(engine: TreeEngine, march: MarchResult, bodies: Sequence[str]) -> list[Array]:

@@ -26,6 +26,7 @@ from crosscheck.engines import (
     EngineError,
     EngineRefusal,
     Level,
+    answered,
     refused,
     route_by,
 )
@@ -33,10 +34,9 @@ from crosscheck.engines.vector_loop.chains import Estimates, VectorChain, Vector
 from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.system import LoopSystem
 from crosscheck.engines.vector_loop.vectors import LoopVector, Sums, Variables, combined
-from crosscheck.scenes.names import called_for
 from refkin.joints import GROUND
 from refkin.model import Scene
-from refkin.motion import Motion, PointMotion, Producer, Status, engine_motion
+from refkin.motion import Motion, Producer, Status
 
 
 class Reading:
@@ -146,17 +146,10 @@ class VectorLoop(Adapter):
         moved = march(reading.system, scene.times, reading.q0, reading.distance)
         places = _places(reading, moved)
         bodies = [_rows(reading, moved, place, order) for order, place in enumerate(places)]
-        points = {point.name: _point(scene, places, k) for k, point in enumerate(scene.points, start=len(scene.wanted))}
-        return engine_motion(
-            scene.times,
-            scene.wanted,
-            *called_for(scene, bodies),
-            moved.status,
-            producer,
-            residual=moved.residual,
-            points=points,
-            message=_message(moved),
-        )
+        moving = zip(*(level[len(scene.wanted) :] for level in places), strict=True)
+        of_points = ([np.array([r.real, r.imag]) for r in levels] for levels in moving)
+        more = {"residual": moved.residual, "message": _message(moved)}
+        return answered(scene, bodies, of_points, moved.status, producer, **more)
 
 
 def _message(moved: LoopMarch) -> str:
@@ -194,8 +187,3 @@ def _unknown(moved: LoopMarch, order: int) -> Any:
     """Return at which times a level has no answer: a body that only the input moves has none there, either."""
     with_answer = (Status.OK, Status.SINGULAR) if order == 0 else (Status.OK,)
     return np.array([status not in with_answer for status in moved.status])
-
-
-def _point(scene: Scene, places: Sequence[Any], k: int) -> PointMotion:
-    r, v, a = called_for(scene, [np.array([level[k].real, level[k].imag]) for level in places])
-    return PointMotion(r=r, v=v, a=a)
