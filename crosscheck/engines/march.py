@@ -81,12 +81,8 @@ def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> MarchR
 
     Parameters
     ----------
-    closing : Closing
-        The engine's own way to a pose.
-    start : (n,) array
-        The estimate.
-    times : sequence of float
-        [s]
+    closing, start, times : Closing, (n,) array, sequence of float
+        The engine's own way to a pose, the estimate, and times [s].
     """
     levels, residual = np.full((len(start), len(times)), np.nan), np.full(len(times), np.nan)
     status, q = [Status.NOT_CONVERGED] * len(times), start
@@ -166,13 +162,8 @@ def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) 
 
     Parameters
     ----------
-    equations : Equations
-    t : (T,) array
-        Times [s].
-    path : sequence of Poses
-        The poses at these times, in their order.
-    order : int
-        As for `march`.
+    equations, t, path, order : Equations, (T,) array, sequence of Poses, int
+        The poses are at these times [s], in their order; `order` is as for `march`.
     """
     poses = Poses.joined(path)
     levels = [poses.q, poses.qd, np.full_like(poses.q, np.nan)][: order + 1]
@@ -452,10 +443,8 @@ def connected(inverse: Array, other: Array, off: Any = 0.0) -> Any:
 
     Parameters
     ----------
-    inverse : (B, n, m) array
-        Inverses of the ones.
-    other : (B, m, n) array
-        The others.
+    inverse, other : (B, n, m), (B, m, n) array
+        Inverses of the ones, and the others.
     off : float, or (B,) array
         How far the others may be off: as much may an eigenvalue lie left of zero.
     """

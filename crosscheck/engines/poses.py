@@ -96,11 +96,8 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
 
     Parameters
     ----------
-    equations : Equations
-    q : (B, n) array
-        Where to begin.
-    t : (B,) array
-        Times [s].
+    equations, q, t : Equations, (B, n) array, (B,) array
+        Where to begin, at which times [s].
     near : (B, n) array, optional
         Poses from which q are predictions: then each correction must contract and the first not be large.
     """
@@ -158,8 +155,7 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
 
     Parameters
     ----------
-    equations : Equations
-    t : (B,) array
+    equations, t : Equations, (B,) array
         Times [s].
     q, jacobian, residual : (B, n), (B, m, n), (B,) array
         Poses, and at them phi_q and the largest residual; NaN where there is none.
