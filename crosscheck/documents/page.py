@@ -229,7 +229,7 @@ def digits_by_iteration() -> list[dict[str, Any]]:
     n = Binary64()
     system = four_bar(n, row.inputs)
     history = n.newton(system, estimate(n, row.inputs), ITERATIONS)
-    answers = [(q, *rates(n, row.inputs, system, q)[::2]) for q in history.iterates]
+    answers = [(q, *rates(n, row.inputs, q)[::2]) for q in history.iterates]
     rows = [
         {"iteration": str(k), "quantity": quantity, "digits": _fewest(level, right)}
         for k, levels in enumerate(answers)
@@ -246,9 +246,8 @@ def digits_by_iteration() -> list[dict[str, Any]]:
 def _truth(given: Mapping[str, Any]) -> Levels:
     balls = ArbNumbers(TRUTH_BITS)
     with balls.at_precision():
-        system = four_bar(balls, given)
-        q = balls.root(system, estimate(balls, given))
-        qd, _, qdd = rates(balls, given, system, q)
+        q = balls.root(four_bar(balls, given), estimate(balls, given))
+        qd, _, qdd = rates(balls, given, q)
         return [[float(x) for x in level] for level in (q, qd, qdd)]
 
 

@@ -8,17 +8,24 @@ from dataclasses import replace
 import numpy as np
 
 import refkin
-from crosscheck.documents import loops
+from crosscheck.documents.systems.metu import Rapier
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Polar, Prismatic, RackAndPinion
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
 
 from .exact_linkages import pair, pin
 
+LENGTHS = {"a1": 340, "b1": 520, "d1": 623, "a2": 250, "a3": 1225, "a4": 350, "a5": 600, "b4": 600, "a6": 1100}
+DRIVES = {
+    "R1": Rapier(-623.0, -340.0, -520.0, -250.0, -623.0, 250.0, 1225.0, 350.0, 600.0, 1100.0),
+    "R2": Rapier(-623.0, -340.0, 520.0, 950.0, 0.0, 250.0, 1225.0, 350.0, 600.0, 1100.0),
+}
+"""The rapier drive in both readings of its lost figure [mm]."""
+
 
 def rapier(reading, times, **lengths):
     """The rapier drive in absolute coordinates, of five bodies in two coupled loops."""
-    long = {**loops.RAPIER_LENGTHS, **lengths}
+    long = {**LENGTHS, **lengths}
     first = reading == "R1"
     c0 = complex(-long["d1"], -long["a1"])
     to_d, guide = (long["a4"] - long["b4"], -long["b1"]) if first else (long["a4"] + long["b4"], long["b1"])

@@ -14,6 +14,8 @@ from refkin.differences import EPS
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
+from .loop_scenes import DRIVES
+
 ANGLE = Polynomial(coefficients=(0.0, 1.0))
 """Time is the input itself."""
 GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
@@ -23,8 +25,8 @@ GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
 def test_rates_of_the_cycle_are_those_of_its_positions():
     """Periodic and smooth: Fourier differentiation of 512 positions is exact to round-off times the wave number."""
     times = np.linspace(0.0, math.tau, 513)[:-1]
-    start = vector_loop.march(loops.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
-    motion = vector_loop.march(loops.rapier("R1", ANGLE), times, start)
+    start = vector_loop.march(loops.rapier(DRIVES["R1"], ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
+    motion = vector_loop.march(loops.rapier(DRIVES["R1"], ANGLE), times, start)
     waves = 1j * np.fft.fftfreq(512, 1.0 / 512)
     first = np.fft.ifft(waves * np.fft.fft(motion.q)).real
     second = np.fft.ifft(waves**2 * np.fft.fft(motion.q)).real

@@ -19,6 +19,8 @@ from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import newton
 from tests.claims import U, assert_near
 
+from .loop_scenes import DRIVES
+
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7))
 SWING = Sinusoid(amplitude=0.4, angular_frequency=1.3, offset=0.9)
 STEP = 1e-100
@@ -29,28 +31,30 @@ AT = 0.6
 def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
     """Return mechanisms as vectors, and the same equations at one time as the documents write them out, if they do."""
     given = float(LAW(AT))
-    lengths = (0.3, 0.25, 0.9, 0.6, -0.5, 0.4)
-    a1, a2, a4, a5, b1, c1 = lengths
-    drive = metu.Rapier(-623.0, -340.0, -520.0, -250.0, -623.0, 250.0, 1225.0, 350.0, 600.0, 1100.0)
-    other = metu.Rapier(-623.0, -340.0, 520.0, 950.0, 0.0, 250.0, 1225.0, 350.0, 600.0, 1100.0)
-    bar = me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.2)
+    coupled = metu.Slotted(0.3, 0.25, 0.9, 0.6, -0.5, 0.4, given)
+    bar = me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0)
     return [
-        ("four-bar", loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW, ground_angle=0.2), me581.four_bar(bar, given)),
-        (
-            "by its rocker",
-            loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW, driven="theta4", ground_angle=0.2),
-            me581.four_bar_by_rocker(bar, given),
-        ),
-        ("slider-crank", loops.slider_crank(0.2, 0.35, 0.1, LAW), shabana.slider_crank(0.2, 0.35, 0.1, given)),
-        ("slider driven", loops.slider_crank(0.2, 0.35, 0.1, SWING, driven="s", guide_angle=0.3), None),
-        ("inverted and driven", loops.inverted_slider_crank(0.5, 0.2, 0.07, SWING, driven="s"), None),
-        ("driven by its lever", loops.inverted_slider_crank(0.5, 0.2, 0.07, LAW, driven="theta3"), None),
+        ("four-bar", loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW), me581.four_bar(bar, given)),
+        ("slider-crank", loops.slider_crank(0.2, 0.35, 0.1, LAW), shabana.CrankAndRod(0.2, 0.35).system(0.1, given)),
+        ("slider driven", slider_driven(), None),
         ("geared", geared(), None),
-        ("inverted", loops.inverted_slider_crank(0.5, 0.2, 0.0, LAW), shabana.coriolis_example(0.5, 0.2, given)),
-        ("slotted", loops.slotted(*lengths, LAW), metu.slotted(metu.Slotted(a1, a2, a4, a5, b1, c1, given))),
-        ("rapier R1", loops.rapier("R1", LAW), metu.rapier(drive, given)),
-        ("rapier R2", loops.rapier("R2", LAW), metu.rapier(other, given)),
+        (
+            "inverted",
+            loops.inverted_slider_crank(0.5, 0.2, 0.0, LAW),
+            shabana.CoriolisExample(0.5, 0.2, given).system(),
+        ),
+        ("slotted", loops.slotted(coupled, LAW), metu.slotted(coupled)),
+        ("rapier R1", loops.rapier(DRIVES["R1"], LAW), metu.rapier(DRIVES["R1"], given)),
+        ("rapier R2", loops.rapier(DRIVES["R2"], LAW), metu.rapier(DRIVES["R2"], given)),
     ]
+
+
+def slider_driven() -> vector_loop.LoopSystem:
+    """Return an inverted slider-crank with an offset, whose slide is driven: a length that follows a law."""
+    theta2, theta3 = Variable(unknown="theta2"), Variable(unknown="theta3")
+    slide = LoopVector(-1.0, Variable(laws=((1.0, SWING),)), theta3)
+    loop = (LoopVector(0.2, angle=theta2), LoopVector(-0.5), slide, LoopVector(-0.07j, angle=theta3))
+    return vector_loop.LoopSystem(("theta2", "theta3"), [loop])
 
 
 def geared() -> vector_loop.LoopSystem:
@@ -170,7 +174,7 @@ def test_poses_close_in_either_form():
     """Newton in real and in complex form, and least squares, end at the same pose, which closes."""
     start = [math.radians(a) for a in (200.0, 80.0, 180.0)] + [400.0]
     for reading in ("R1", "R2"):
-        system = loops.rapier(reading, math.radians(60.0))
+        system = loops.rapier(DRIVES[reading], math.radians(60.0))
         real, pair = (vector_loop.close(system, start, complex_form=form) for form in (False, True))
         least = vector_loop.minimise(system, start)
         assert real.converged, f"{reading}: {real.status}, {pair.status}"
@@ -178,7 +182,7 @@ def test_poses_close_in_either_form():
         assert least.status is vector_loop.MinimumStatus.ROOT, f"{reading}: {least.status}"
         assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
         assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
-    beyond = vector_loop.minimise(loops.rapier("R2", math.radians(160.0)), start)
+    beyond = vector_loop.minimise(loops.rapier(DRIVES["R2"], math.radians(160.0)), start)
     assert beyond.status is vector_loop.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
     assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
 

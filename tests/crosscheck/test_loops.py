@@ -64,8 +64,6 @@ def test_all_estimates_may_be_used_up():
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: loops.four_bar(4.0, 1.0, 3.5, 3.0, 0.0, driven="theta1"), "driven: expected one of theta2"),
-        (lambda: loops.rapier("R3", 0.0), "R3"),
         (lambda: vector_loop.LoopSystem(("x",), [[vector_loop.LoopVector(1.0)]]), "expected 1 equations for"),
         (lambda: vector_loop.LoopSystem(("x", "y"), [[vector_loop.LoopVector(1.0)]]), "which the loops contain"),
         (lambda: vector_loop.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),

@@ -9,13 +9,15 @@ import pytest
 from flint import arb
 
 from crosscheck.documents.convergence import newton_order, slope
-from crosscheck.documents.systems import me451, me581, metu, shabana
-from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from crosscheck.documents.systems import me451, me581, metu
+from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, CoriolisExample, CrankAndRod, LoopOfFourBars
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.newton import newton
 from refkin.system import compile_system
 from tests.claims import U, assert_near
+
+LINKS = CrankAndRod(0.2, 0.35)
 
 
 def square_systems():
@@ -39,11 +41,11 @@ def square_systems():
         ("C1", me581.quadratic(), [5.0]),
         ("C4", me581.four_bar(bar, 1.1), [0.2, 1.9]),
         ("C6", me581.four_bar_by_rocker(bar, 1.1), [0.2, 1.9]),
-        ("D4", shabana.slider_crank(0.2, 0.35, 0.1, 1.1), [-0.3, 0.4]),
-        ("D7", shabana.coriolis_example(0.5, 0.2, 1.1), [2.7, 0.4]),
-        ("D10", shabana.four_bar(0.35, 0.2, 0.35, 0.25, 1.1), [1.1, 0.2, 4.3]),
-        ("D15", twelve_coordinates(0.2, 0.35, 1.1), coordinates),
-        ("D16", twelve_coordinates(0.2, 0.35, 0.4, SLIDER_DRIVEN), coordinates),
+        ("D4", LINKS.system(0.1, 1.1), [-0.3, 0.4]),
+        ("D7", CoriolisExample(0.5, 0.2, 1.1).system(), [2.7, 0.4]),
+        ("D10", LoopOfFourBars(0.35, 0.2, 0.35, 0.25).system(1.1), [1.1, 0.2, 4.3]),
+        ("D15", LINKS.twelve_coordinates(1.1), coordinates),
+        ("D16", LINKS.twelve_coordinates(0.4, SLIDER_DRIVEN), coordinates),
     ]
 
 
@@ -58,7 +60,7 @@ REGULAR = {
     "A6": (me451.problem_356(0.4, 0.6, 0.25), [0.2, 0.2, math.pi / 4]),
     "B2": (metu.slotted(SLOTTED), CLOSED + 2 * OFF),
     "C4": (me581.four_bar(NOTES, math.radians(65.0)), [0.0, math.pi / 2]),
-    "D10": (shabana.four_bar(0.35, 0.2, 0.35, 0.25, 1.1), [1.1, 0.4, 4.0]),
+    "D10": (LoopOfFourBars(0.35, 0.2, 0.35, 0.25).system(1.1), [1.1, 0.4, 4.0]),
 }
 
 
@@ -152,15 +154,14 @@ def test_the_right_sides_of_problem_356_are_its_time_derivatives():
 
 @pytest.mark.parametrize("coordinate", [5, SLIDER_DRIVEN])
 def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
-    l2, l3, theta2 = 0.2, 0.35, 1.0
-    theta3 = math.asin(-l2 / l3 * math.sin(theta2))
-    q = pose(l2, l3, theta2, theta3).astype(float)
-    slide_rate = shabana.slider_crank_velocity(l2, l3, theta2, theta3, 150.0)[1]
+    theta2, theta3 = 1.0, math.asin(-LINKS.l2 / LINKS.l3 * math.sin(1.0))
+    q = LINKS.pose(theta2, theta3).astype(float)
+    slide_rate = LINKS.velocity(theta2, theta3, 150.0)[1]
     given = 150.0 if coordinate == 5 else slide_rate
-    slope_ = twelve_coordinates(l2, l3, float(q[coordinate]), coordinate).phi_q(q)
+    slope_ = LINKS.twelve_coordinates(float(q[coordinate]), coordinate).phi_q(q)
     qd = np.linalg.solve(slope_, np.r_[np.zeros(11), given])
-    second = shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (150.0, qd[8]), 0.0)
-    qdd = np.linalg.solve(slope_, right_side(l2, l3, q, qd, 0.0 if coordinate == 5 else second[1]).astype(float))
+    second = LINKS.acceleration(theta2, theta3, (150.0, qd[8]), 0.0)
+    qdd = np.linalg.solve(slope_, LINKS.right_side(q, qd, 0.0 if coordinate == 5 else second[1]).astype(float))
 
     assert [qd[5], qd[8], qd[9]] == pytest.approx([150.0, -52.818431944720, -34.133165133143], rel=1e-12, abs=0.0)
     assert [qdd[8], qdd[9]] == pytest.approx([10809.0591207778, -1468.39606892724], rel=1e-12, abs=0.0)

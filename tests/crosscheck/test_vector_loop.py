@@ -20,7 +20,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
 from .exact_linkages import CASES, four_bar
-from .loop_scenes import TOUCHING, rapier
+from .loop_scenes import DRIVES, TOUCHING, rapier
 
 REGULAR = 1e-4
 """Smallest singular value above which there is no excuse for giving no answer."""
@@ -99,7 +99,7 @@ def test_the_documents_own_loops_and_those_read_from_the_scene_are_one_motion(re
     times = np.radians(np.linspace(60.0, 140.0, 9))
     read_from_scene = VectorLoop().solve(rapier(reading, times))
     start = [*np.radians([200.0, 80.0, 180.0]), 400.0]
-    own = vector_loop.march(loops.rapier(reading, Polynomial(coefficients=(0.0, 1.0))), times, start)
+    own = vector_loop.march(loops.rapier(DRIVES[reading], Polynomial(coefficients=(0.0, 1.0))), times, start)
     c0_or_a0 = -623.0 if reading == "R1" else 0.0
     rows = [*(read_from_scene[body].phi for body in ("coupler", "lever", "rocker"))]
     rows.append(read_from_scene["rapier"].x + 1100.0 - c0_or_a0)

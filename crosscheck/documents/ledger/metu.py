@@ -111,7 +111,7 @@ def b2(n: Arithmetic, given: Given) -> Values:
 def loops_b2(n: Binary64, given: Given) -> Values:
     """The same iteration with the loops as vectors, in real and in complex form."""
     m, pose, start = coupled(n, given)
-    system = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
+    system = loops.slotted(m, m.theta12)
     runs = [vector_loop.close(system, start, complex_form=form) for form in (False, True)]
     errors = [[float(np.max(np.abs(q - pose))) for q in r.iterates[:5]] for r in runs]
     return {"error": errors[0], "error in complex form": errors[1]}
@@ -125,7 +125,7 @@ def b3(n: Arithmetic, given: Given) -> Values:
     values: Values = {"error before": _largest(start - pose)}
     values["error after delta = -A^-1 F"] = _largest(start - step - pose)
     values["error after delta = +A^-1 F"] = _largest(start + step - pose)
-    values["unknowns"] = list(loops.slotted(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0).unknowns)
+    values["unknowns"] = list(loops.slotted(metu.Slotted(*[1.0] * 7), 0.0).unknowns)
     return values
 
 
@@ -177,17 +177,18 @@ def loops_b5(n: Binary64, given: Given) -> Values:
     """The same with the loops as vectors, and over the whole cycle."""
     start, at = guess(n, given), math.radians(float(given["theta12"]))
     values: Values = {}
-    for name in ("R1", "R2"):
-        result = vector_loop.close(loops.rapier(name, at), start)
+    drives = {name: _lengths(n, given, reading) for name, reading in (("R1", R1), ("R2", R2))}
+    for name, drive in drives.items():
+        result = vector_loop.close(loops.rapier(drive, at), start)
         values[name] = [*np.degrees(result.q[:3]), result.q[3]]
         values[f"{name}: iterations"] = result.iterations
     turn = Polynomial(coefficients=(at, 1.0))
     times = np.linspace(0.0, math.tau, 721).tolist()
-    whole = vector_loop.march(loops.rapier("R1", turn), times, start)
+    whole = vector_loop.march(loops.rapier(drives["R1"], turn), times, start)
     values["R1: times reached of a turn"] = whole.reached
     values["R1: stroke"] = float(np.ptp(whole.q[3]))
     quarters = np.linspace(0.0, math.tau, 1441).tolist()
-    part = vector_loop.march(loops.rapier("R2", turn), quarters, start)
+    part = vector_loop.march(loops.rapier(drives["R2"], turn), quarters, start)
     values["R2: last theta12 reached"] = math.degrees(at + quarters[part.reached - 1])
     return values
 
@@ -284,7 +285,7 @@ def b7(n: Arithmetic, given: Given) -> Values:
     values: Values = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
     if isinstance(n, Binary64):
         beyond = math.radians(float(given["beyond the limit of R2"]))
-        stalled = vector_loop.minimise(loops.rapier("R2", beyond), guess(n, given))
+        stalled = vector_loop.minimise(loops.rapier(_lengths(n, given, R2), beyond), guess(n, given))
         values["beyond the limit: status"] = stalled.status.name
         values["beyond the limit: gap in mm"] = stalled.gap
     return values
@@ -292,5 +293,6 @@ def b7(n: Arithmetic, given: Given) -> Values:
 
 def loops_b7(n: Binary64, given: Given) -> Values:
     """The same root by minimising the sum of squared closure errors of the loops as vectors."""
-    minimum = vector_loop.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
+    system = loops.rapier(_lengths(n, given, R1), math.radians(float(given["theta12"])))
+    minimum = vector_loop.minimise(system, guess(n, given))
     return {"R1": [*np.degrees(minimum.q[:3]), minimum.q[3]], "status": minimum.status.name}

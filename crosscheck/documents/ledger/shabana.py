@@ -70,10 +70,11 @@ def d4(n: Arithmetic, given: Given) -> Values:
     """Both assemblies of the offset slider-crank; what asin alone gives; the loop with its signs as first printed."""
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
     (theta2,) = _radians(n, given, "theta2")
-    sine, x = shabana.slider_crank_position(l2, l3, h, theta2, 1)
-    _, x_minus = shabana.slider_crank_position(l2, l3, h, theta2, -1)
+    links = shabana.CrankAndRod(l2, l3)
+    sine, x = links.position(h, theta2, 1)
+    _, x_minus = links.position(h, theta2, -1)
     theta3 = n.arcsin(sine)
-    phi = shabana.slider_crank(l2, l3, h, theta2).phi
+    phi = links.system(h, theta2).phi
     along, across = phi(np.array([theta3, x]))
     return {
         "+: theta3, x": [theta3, x],
@@ -98,11 +99,12 @@ def d5(n: Arithmetic, given: Given) -> Values:
     """Velocity and acceleration of the slider-crank in closed form."""
     l2, l3, h, rate, second = numbers(n, given, "l2", "l3", "h", "theta2'", "theta2''")
     (theta2,) = _radians(n, given, "theta2")
-    theta3 = n.arcsin(shabana.slider_crank_position(l2, l3, h, theta2, 1)[0])
-    velocity_ = shabana.slider_crank_velocity(l2, l3, theta2, theta3, rate)
+    links = shabana.CrankAndRod(l2, l3)
+    theta3 = n.arcsin(links.position(h, theta2, 1)[0])
+    velocity_ = links.velocity(theta2, theta3, rate)
     return {
         "theta3', x'": velocity_,
-        "theta3'', x''": shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (rate, velocity_[0]), second),
+        "theta3'', x''": links.acceleration(theta2, theta3, (rate, velocity_[0]), second),
     }
 
 
@@ -132,7 +134,8 @@ def refkin_d5(n: Binary64, given: Given) -> Values:
 def d6(n: Arithmetic, given: Given) -> Values:
     """The determinant is l3 cos(theta3): at theta3 = 0 it is largest, at 90 degrees it vanishes."""
     l2, l3 = numbers(n, given, "l2", "l3")
-    slopes = [shabana.slider_crank(l2, l3, n("0"), n("1")).phi_q(n.vector([angle, "1"])) for angle in ("0", "1")]
+    links = shabana.CrankAndRod(l2, l3)
+    slopes = [links.system(n("0"), n("1")).phi_q(n.vector([angle, "1"])) for angle in ("0", "1")]
     values: Values = {"det at theta3 = 0": n.det(slopes[0]), "det at theta3 = 1 rad": n.det(slopes[1])}
     values["l3 cos(1 rad)"] = l3 * np.cos(n("1"))
     if isinstance(n, Binary64):  # where crank and rod lie on each other, upright
@@ -148,9 +151,10 @@ def d7(n: Arithmetic, given: Given) -> Values:
     """The Coriolis example: rates, accelerations, and both with the terms that are printed."""
     l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
     (theta2,) = _radians(n, given, "theta2")
-    q = n.root(shabana.coriolis_example(l1, l2, theta2), n.vector(given["estimate"]))
-    qd = shabana.coriolis_velocity(l2, theta2, q, rate)
-    matrix, right = shabana.coriolis_right_side(l2, theta2, q, qd, rate, second)
+    example = shabana.CoriolisExample(l1, l2, theta2)
+    q = n.root(example.system(), n.vector(given["estimate"]))
+    qd = example.velocity(q, rate)
+    matrix, right = example.right_side(q, qd, rate, second)
     as_printed = np.array([right[0], right[1] - 2 * second * l2 * np.cos(theta2)])
     term = qd[0] * qd[1]
     return {
@@ -201,7 +205,7 @@ def d8(n: Arithmetic, given: Given) -> Values:
     """The driven two-link arm: velocities, accelerations, C_t with nine entries."""
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
     theta2, theta3 = _radians(n, given, "theta2", "theta3")
-    velocity_, acceleration_ = shabana.two_link_rates(l2, l3, theta2, theta3, w2, w3)
+    velocity_, acceleration_ = shabana.CrankAndRod(l2, l3).arm_rates(theta2, theta3, w2, w3)
     return {"R2', R3'": velocity_, "R2'', R3''": acceleration_, "C_t": [0, 0, 0, 0, 0, 0, 0, -w2, -w3]}
 
 

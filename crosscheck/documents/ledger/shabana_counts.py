@@ -12,7 +12,7 @@ from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.ledger.shabana_four_bar import norm
 from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
-from crosscheck.documents.systems.shabana import pose
+from crosscheck.documents.systems.shabana import CrankAndRod
 from refkin.analysis import position
 from refkin.joints import (
     GROUND,
@@ -50,7 +50,8 @@ def refkin_d1(n: Binary64, given: Given) -> Values:
     """Count and rank of the linkage."""
     linkage = SliderCrank(crank=0.2, rod=0.35)
     whole = linkage.mechanism(linkage.driver(Polynomial(coefficients=(1.0,))))
-    at = pose(0.2, 0.35, 1.0, theta3_at(n, 0.2, 0.35, 1.0)).astype(float)
+    links = CrankAndRod(0.2, 0.35)
+    at = links.pose(1.0, theta3_at(n, links, 1.0)).astype(float)
     counted = count(whole)
     return {
         "coordinates": counted.coordinates * counted.bodies,

@@ -14,20 +14,14 @@ from crosscheck.documents.systems import SquareSystem, shabana
 from refkin.scenes.linkages import FourBar
 
 
-def four_bar(n: Arithmetic, given: Given, driven: Any = None) -> SquareSystem:
-    """Return the loop with theta2 held.
+def links(n: Arithmetic, given: Given) -> shabana.LoopOfFourBars:
+    """Return the row's lengths."""
+    return shabana.LoopOfFourBars(*(n(x) for x in given["l"]))
 
-    Parameters
-    ----------
-    n : Arithmetic
-    given : mapping
-        The row's numbers, as text.
-    driven : number, optional
-        theta2 [rad]; by default the row's.
-    """
-    degree = n.pi / 180
-    l1, l2, l3, l4 = (n(x) for x in given["l"])
-    return shabana.four_bar(l1, l2, l3, l4, n(given["theta2"]) * degree if driven is None else driven)
+
+def four_bar(n: Arithmetic, given: Given) -> SquareSystem:
+    """Return the loop with theta2 held."""
+    return links(n, given).system(n(given["theta2"]) * (n.pi / 180))
 
 
 def estimate(n: Arithmetic, given: Given) -> Any:
@@ -62,26 +56,20 @@ def d10(n: Arithmetic, given: Given) -> Values:
         "q1 from what is printed": [n("0.1745") + wrong[0], n("4.2761") + wrong[1]],
         "dq1 from what is printed": n.solve(second, [-x for x in after])[1:],
         "|C(q1)| / 3 from what is printed": norm(n, after),
-        "C(q0) from rounded q0": four_bar(n, given, n("1.0996")).phi(n.vector(["1.0996", "0.1745", "4.2761"])),
+        "C(q0) from rounded q0": links(n, given).system(n("1.0996")).phi(n.vector(["1.0996", "0.1745", "4.2761"])),
     }
 
 
-def rates(n: Arithmetic, given: Given, system: SquareSystem, q: Any) -> tuple[Any, Any, Any]:
-    """Return qd, Q_d, qdd at q for the row's constant speed.
+def rates(n: Arithmetic, given: Given, q: Any) -> tuple[Any, Any, Any]:
+    """Return qd, Q_d, qdd at q (3,) for the row's constant speed.
 
     Parameters
     ----------
-    n : Arithmetic
-    given : mapping
-        The row's numbers, as text.
-    system : SquareSystem
-    q : (3,) vector
-        The pose [rad].
+    n, given, q
     """
-    slope = system.phi_q(q)
-    l2, l3, l4 = (n(x) for x in given["l"][1:])
+    slope = four_bar(n, given).phi_q(q)
     qd = n.solve(slope, [n("0"), n("0"), n(given["omega"])])
-    right = shabana.four_bar_right_side(l2, l3, l4, q, qd)
+    right = links(n, given).right_side(q, qd)
     return qd, right, n.solve(slope, right)
 
 
@@ -89,9 +77,9 @@ def d11(n: Arithmetic, given: Given) -> Values:
     """With theta_0 = 63 degrees the crank is at 63 degrees + omega t: another pose, and a third residual of -0.1."""
     start = estimate(n, given)
     turned = n(given["omega"]) * n(given["t"])
-    system = four_bar(n, given, start[0] + turned)
+    system = links(n, given).system(start[0] + turned)
     q = n.root(system, start)
-    qd, _, qdd = rates(n, given, system, q)
+    qd, _, qdd = rates(n, given, q)
     return {
         "theta_0 for a third residual of 0": (start[0] - turned) * 180 / n.pi,
         "C3(q0)": system.phi(start)[2],
@@ -106,8 +94,8 @@ def d12(n: Arithmetic, given: Given) -> Values:
     system = four_bar(n, given)
     q = n.root(system, estimate(n, given))
     history = n.newton(system, estimate(n, given), 4)
-    qd, right, qdd = rates(n, given, system, q)
-    early = [rates(n, given, system, iterate) for iterate in history.iterates]
+    qd, right, qdd = rates(n, given, q)
+    early = [rates(n, given, iterate) for iterate in history.iterates]
     return {
         "theta3, theta4": q[1:],
         "theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]],
@@ -141,13 +129,13 @@ def d13(n: Arithmetic, given: Given) -> Values:
     """C_q qdd = +Q_d: with the minus that is printed the accelerations change their sign."""
     system = four_bar(n, given)
     q = n.root(system, estimate(n, given))
-    _, right, qdd = rates(n, given, system, q)
+    _, right, qdd = rates(n, given, q)
     slope = system.phi_q(q)
     return {
         "alpha": qdd[1:],
         "alpha from C_q qdd = -Q_d": n.solve(slope, -right)[1:],
         "qd from C_q qd = -C": n.solve(slope, -system.phi(q))[1:],
-        "qd from C_q qd = -C_t": rates(n, given, system, q)[0][1:],
+        "qd from C_q qd = -C_t": rates(n, given, q)[0][1:],
     }
 
 
@@ -155,7 +143,7 @@ def d14(n: Arithmetic, given: Given) -> Values:
     """The other assembly, and the class."""
     system = four_bar(n, given)
     q = n.root(system, np.array([n(x) * n.pi / 180 for x in given["near"]]))
-    l1, l2, l3, l4 = (n(x) for x in given["l"])
+    l1, l2, l3, l4 = links(n, given)
     return {"theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]], "s + l": l2 + l1, "p + q": l3 + l4}
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
-from crosscheck.documents.systems import shabana
-from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, CrankAndRod
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
@@ -38,48 +37,44 @@ def _mechanism(l2: float, l3: float, law: Polynomial | Sinusoid, slider_driven: 
 def d15(n: Arithmetic, given: Given) -> Values:
     """Rates at crank angles of 0, 1 and pi: closed form, and the system of twelve equations."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
-    values: Values = {}
+    links, values = CrankAndRod(l2, l3), Values()
     for name, theta2 in (("0", n("0")), ("1", n("1")), ("pi", n.pi * 1)):
-        sine, x = shabana.slider_crank_position(l2, l3, n("0"), theta2, 1)
+        sine, x = links.position(n("0"), theta2, 1)
         theta3 = n.arcsin(sine)
-        w3, xd = shabana.slider_crank_velocity(l2, l3, theta2, theta3, omega)
-        second = shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (omega, w3), n("0"))
+        w3, xd = links.velocity(theta2, theta3, omega)
+        second = links.acceleration(theta2, theta3, (omega, w3), n("0"))
         values[f"x, theta3 at {name}"] = [x, theta3]
         values[f"x', theta3' at {name}"] = [xd, w3]
         values[f"x'', theta3'' at {name}"] = [second[1], second[0]]
-    system = twelve_coordinates(l2, l3, n("1"))
-    q = pose(l2, l3, n("1"), theta3_at(n, l2, l3, n("1")))
+    system = links.twelve_coordinates(n("1"))
+    q = links.pose(n("1"), theta3_at(n, links, n("1")))
     values["|det C_q| at 1"] = abs(n.det(system.phi_q(q)))
-    values["l3 cos(theta3) at 1"] = l3 * np.cos(theta3_at(n, l2, l3, n("1")))
+    values["l3 cos(theta3) at 1"] = l3 * np.cos(theta3_at(n, links, n("1")))
     zero = n("0")
     qd = n.solve(system.phi_q(q), [zero] * 11 + [omega])
-    qdd = n.solve(system.phi_q(q), right_side(l2, l3, q, qd, zero))
+    qdd = n.solve(system.phi_q(q), links.right_side(q, qd, zero))
     values["twelve equations: x', theta3' at 1"] = [qd[9], qd[8]]
     values["twelve equations: x'', theta3'' at 1"] = [qdd[9], qdd[8]]
     return values
 
 
-def theta3_at(n: Arithmetic, l2: Any, l3: Any, theta2: Any) -> Any:
-    """Return theta3 on the branch where the rod points along the guide.
+def theta3_at(n: Arithmetic, links: CrankAndRod, theta2: Any) -> Any:
+    """Return theta3 [rad] on the branch where the rod points along the guide.
 
     Parameters
     ----------
-    n : Arithmetic
-    l2, l3 : number
-        Lengths of crank and rod.
-    theta2 : number
-        Angle of the crank [rad].
+    n, links, theta2
     """
-    return n.arcsin(-l2 * np.sin(theta2) / l3)
+    return n.arcsin(-links.l2 * np.sin(theta2) / links.l3)
 
 
 def refkin_d15(n: Binary64, given: Given) -> Values:
     """The same rates with four bodies."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
-    values: Values = {}
+    links, values = CrankAndRod(l2, l3), Values()
     for name, theta2 in (("0", 0.0), ("1", 1.0), ("pi", math.pi)):
         system = compile_system(_mechanism(l2, l3, Polynomial(coefficients=(theta2, omega))))
-        q = pose(l2, l3, theta2, theta3_at(n, l2, l3, theta2)).astype(float)
+        q = links.pose(theta2, theta3_at(n, links, theta2)).astype(float)
         qd = velocity(system, q, 0.0)
         qdd = acceleration(system, q, qd, 0.0)
         values[f"x', theta3' at {name}"] = qd[[9, 8]]
@@ -95,8 +90,9 @@ def d16(n: Arithmetic, given: Given) -> Values:
     # The triangle of crank, rod and guide: theta2 by the law of cosines.
     cosine = (l2 * l2 + x * x - l3 * l3) / (2 * l2 * x)
     theta2 = n.angle(cosine, np.sqrt(1 - cosine * cosine))
-    theta3 = theta3_at(n, l2, l3, theta2)
-    slope = twelve_coordinates(l2, l3, x, SLIDER_DRIVEN).phi_q(pose(l2, l3, theta2, theta3))
+    links = CrankAndRod(l2, l3)
+    theta3 = theta3_at(n, links, theta2)
+    slope = links.twelve_coordinates(x, SLIDER_DRIVEN).phi_q(links.pose(theta2, theta3))
     rates = n.solve(slope, [n("0")] * 11 + [speed])
     return {
         "x between": [x - n(given["share"]) * l2, x + n(given["share"]) * l2],
@@ -117,7 +113,7 @@ def refkin_d16(n: Binary64, given: Given) -> Values:
     linkage = SliderCrank(crank=l2, rod=l3)
     start = linkage.assemble(float(law(0.0)), driven="slider")
     theta2 = start["crank"][2]
-    q = pose(l2, l3, theta2, start["connecting_rod"][2]).astype(float)
+    q = CrankAndRod(l2, l3).pose(theta2, start["connecting_rod"][2]).astype(float)
     return {
         "theta2 at the start in degrees": math.degrees(theta2),
         "theta2' at the start": velocity(system, q, 0.0)[5],
@@ -128,9 +124,10 @@ def refkin_d16(n: Binary64, given: Given) -> Values:
 def d17(n: Arithmetic, given: Given) -> Values:
     """At theta2 = theta3 = 0 the slider's system is singular, the crank's is not: the same pose, another actuator."""
     l2, l3 = numbers(n, given, "l2", "l3")
-    q = pose(l2, l3, n("0"), n("0"))
-    slider = twelve_coordinates(l2, l3, l2 + l3, SLIDER_DRIVEN).phi_q(q)
-    crank = twelve_coordinates(l2, l3, n("0")).phi_q(q)
+    links = CrankAndRod(l2, l3)
+    q = links.pose(n("0"), n("0"))
+    slider = links.twelve_coordinates(l2 + l3, SLIDER_DRIVEN).phi_q(q)
+    crank = links.twelve_coordinates(n("0")).phi_q(q)
     relation = [a + b + c - d for a, b, c, d in zip(slider[5], slider[7], slider[11], slider[3], strict=True)]
     values: Values = {
         "largest of rows 6 + 8 + 12 - 4": max(abs(x) for x in relation),
@@ -152,7 +149,7 @@ def d17(n: Arithmetic, given: Given) -> Values:
 def refkin_d17(n: Binary64, given: Given) -> Values:
     """The same ranks with four bodies."""
     l2, l3 = numbers(n, given, "l2", "l3")
-    q = pose(l2, l3, 0.0, 0.0).astype(float)
+    q = CrankAndRod(l2, l3).pose(0.0, 0.0).astype(float)
     slopes = [
         compile_system(_mechanism(l2, l3, Polynomial(coefficients=(value,)), slider_driven=slider)).phi_q(q, 0.0)
         for value, slider in ((l2 + l3, True), (0.0, False))
@@ -168,10 +165,11 @@ def d18(n: Arithmetic, given: Given) -> Values:
     if isinstance(n, ArbNumbers):
         return {}
     l2, l3 = numbers(n, given, "l2", "l3")
-    start = pose(l2, l3, *(n(x) for x in given["estimate"])).astype(float)
+    links = CrankAndRod(l2, l3)
+    start = links.pose(*(n(x) for x in given["estimate"])).astype(float)
     results = []
     for e in given["e"]:
-        system = twelve_coordinates(l2, l3, l2 + l3 - n(e), SLIDER_DRIVEN)
+        system = links.twelve_coordinates(l2 + l3 - n(e), SLIDER_DRIVEN)
         results.append(newton(*system, start, stop=CorrectionNorm(n(given["tolerance"])), max_iterations=200))
     return {
         "iterations at e = 1e-2, 1e-4, 1e-6": [r.iterations for r in results[:3]],
@@ -184,12 +182,12 @@ def d18(n: Arithmetic, given: Given) -> Values:
 def d19(n: Arithmetic, given: Given) -> Values:
     """What the curves of figures 3.36 to 3.39 reach over a turn of the crank."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
-    zero = n("0")
+    links, zero = CrankAndRod(l2, l3), n("0")
     steepest = n.arcsin(l2 / l3)
-    turned = [shabana.slider_crank_velocity(l2, l3, theta2, zero, omega)[0] for theta2 in (zero, n.pi * 1)]
+    turned = [links.velocity(theta2, zero, omega)[0] for theta2 in (zero, n.pi * 1)]
     ends = []
     for theta2, w3 in zip((zero, n.pi * 1), turned, strict=True):
-        ends.append(shabana.slider_crank_acceleration(l2, l3, theta2, zero, (omega, w3), zero)[1])
+        ends.append(links.acceleration(theta2, zero, (omega, w3), zero)[1])
     return {
         "theta3 (3.36)": [-steepest, steepest],
         "x (3.37)": [l3 - l2, l3 + l2],

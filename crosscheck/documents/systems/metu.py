@@ -1,6 +1,6 @@
 """METU, Mechanisms, section 3.9: loop closure equations as scalar equations.
 
-`crosscheck.documents.loops` has the same mechanisms as vectors, in complex form; nothing is shared.
+`crosscheck.documents.loops` has the same mechanisms as vectors, in complex form; they share nothing but lengths.
 """
 
 from __future__ import annotations
