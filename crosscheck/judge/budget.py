@@ -245,10 +245,7 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
     Parameters
     ----------
     system : System
-    q : (n, T) array
-        Poses, in the system's coordinates.
-    t : (T,) array
-        Times [s].
+    q, t : (n, T), (T,) array
     """
     return SAFETY * parts(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)[1]
 
@@ -259,10 +256,7 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     Parameters
     ----------
     system : System
-    q, qd, qdd : (n, T) array
-        The solution, in the system's coordinates.
-    t : (T,) array
-        Times [s].
+    q, qd, qdd, t : (n, T), (T,) array
     """
     z, n = _stepped(q), len(q)
     slope = system.phi_q(z, t)
@@ -344,9 +338,7 @@ def table_error(system: System, t: Any, order: int) -> Any:
 
     Parameters
     ----------
-    system : System
-    t : (T,) array
-        Times [s].
+    system, t
     order : int
         0 for the residual, 1 for nu, 2 for gamma.
     """
@@ -374,7 +366,6 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     ----------
     system : System
     q, qd, qdd : (n, T) array
-        The solution, in the system's coordinates.
     """
     arms = len(system.mechanism.bodies)
     metres = np.abs(system.to_physical(q))

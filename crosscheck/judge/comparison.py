@@ -141,11 +141,8 @@ def begun_at(scene: Scene, motion: Motion, k: int, times: Sequence[float]) -> Sc
 
     Parameters
     ----------
-    scene, motion : Scene, Motion
-    k : int
-        Which of the motion's times.
+    scene, motion, k
     times : sequence of float
-        Those of the new scene [s].
     """
     bodies = tuple(replace(body, estimate=tuple(motion[body.name].q[:, k].tolist())) for body in scene.mechanism.bodies)
     return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=tuple(times))
@@ -175,9 +172,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     ----------
     ref : Reference
     motion : Motion
-        The engine's answer, at the reference's times or some of them.
     terms : sequence of Term
-        What the engine adds.
     at : index
         The places among the reference's times of those that the motion has.
     """
@@ -226,7 +221,6 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
     ----------
     ref : Reference
     bodies : sequence of str
-        In the order in which the levels have them.
     levels : mapping
         Order 0, 1, 2 -> position, velocity, acceleration (width * bodies, T) of the bodies [m, rad], in their order. In
         space no rate comes without what it is the rate of.
@@ -251,9 +245,7 @@ def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
 
     Parameters
     ----------
-    system : System
-    theirs, ours : (n,) or (n, T) array
-        Scaled coordinates, or rates.
+    system, theirs, ours
     level : int
         0 for coordinates, 1 or 2 for their rates.
     """
@@ -329,7 +321,7 @@ def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(No
 
     Parameters
     ----------
-    ref, motion : Reference, Motion
+    ref, motion
     samples : (K,) array of int
         Which of the motion's times.
     at : index

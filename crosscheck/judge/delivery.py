@@ -74,9 +74,8 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
 
     Parameters
     ----------
-    engine, scene : Engine, Scene
+    engine, scene
     terms : sequence of Term
-        What the engine says that it adds.
     """
     allowed: list[Term] = []
     faults = []
@@ -141,7 +140,7 @@ def undelivered(able: Collection[str], scene: Scene, motion: Motion) -> Iterator
     ----------
     able : collection of str
         The quantities that its method owes.
-    scene, motion : Scene, Motion
+    scene, motion
     """
     for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
         if quantity in able and level is None:
@@ -211,9 +210,8 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
 
     Parameters
     ----------
-    ref, motion : Reference, Motion
+    ref, motion
     terms : sequence of Term
-        What the engine adds.
     """
     there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
     asked = there & times_with(motion, Status.OK) & ~ref.budget().compared
@@ -292,10 +290,7 @@ def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] |
     Parameters
     ----------
     ref : Reference
-    first : float
-        Up to when [s].
-    enough : float
-        The largest sigma_min that excuses.
+    first, enough : float
     """
     times = ref.motion.t
     asked = times <= first

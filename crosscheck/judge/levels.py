@@ -114,14 +114,9 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     Parameters
     ----------
     mechanism : Mechanism
-    near : (n, T) array
-        The assembled poses [m, rad].
-    t : (T,) array
-        Their times [s].
-    seed : str
-        Of the draws.
-    count : int
-        How many.
+    near, t : (n, T), (T,) array
+        The assembled poses [m, rad] and their times [s].
+    seed, count : str, int
     """
     draw = random.Random(seed)
     kind, size, count_of = mechanism.kind, mechanism.size(), len(mechanism.bodies)
@@ -190,9 +185,8 @@ def compare_levels(
 
     Parameters
     ----------
-    engine, model, mechanism : Engine, ConstraintModel, Mechanism
+    engine, model, mechanism
     at : sequence of Configuration
-        Where.
     terms : sequence of Term
         What the engine adds to its own rows.
     """

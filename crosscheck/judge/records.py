@@ -377,10 +377,7 @@ def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
 
     Parameters
     ----------
-    folder : Path
-        Of the night.
-    name : str
-        Of the file.
+    folder, name
     kind : type
         What its text is read as.
     """

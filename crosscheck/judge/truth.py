@@ -130,11 +130,9 @@ def levels_or_nothing(levels: Sequence[Any], shape: tuple[int, int], order: int)
     Parameters
     ----------
     levels : sequence of array
-        As they were delivered.
     shape : (int, int)
         Of each.
     order : int
-        0, 1 or 2.
     """
     known = [np.asarray(level, float) for level in levels[: order + 1]]
     return known + [np.full(shape, np.nan)] * (order + 1 - len(known))

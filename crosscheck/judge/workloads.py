@@ -177,11 +177,8 @@ def of_chain(work: LoopChain, sparse: Any, q: Any) -> Accuracy:
 
     Parameters
     ----------
-    work : Chain
-    sparse : SparseSystem
-        The chain's.
+    work, sparse
     q : (n,) array
-        The pose [m, rad].
     """
     system = sparse.system
     truth = work.truth()[0]
@@ -199,10 +196,7 @@ def allowed(sparse: Any, q: Any, t: float) -> Any:
     Parameters
     ----------
     sparse : SparseSystem
-    q : (n,) array
-        The pose, in its scaled coordinates.
-    t : float
-        When [s].
+    q, t : (n,) array, float
     """
     from refkin.fast.sparse import factors  # here: the fast paths may be absent
 
@@ -220,7 +214,6 @@ def residual_error(sparse: Any, q: Any, t: float) -> Any:
     Parameters
     ----------
     sparse, q, t
-        As for `allowed`.
     """
 
     def values(start: Any) -> BodyValues:

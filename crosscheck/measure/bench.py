@@ -40,7 +40,6 @@ def measured(
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
     rounds : int
-        How often each method is timed, in turns.
     listed : sequence of Method, optional
         The methods, if they are not all of the producers'.
     """
@@ -85,8 +84,7 @@ def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[st
 
     Parameters
     ----------
-    work, method, batch, timing : Workload, Method, Batch, Timing
-        What was asked of whom, its answers, and how long they took.
+    work, method, batch, timing
     """
     accuracy = accuracy_of(work, batch)
     engine, name, setting = method.key

@@ -75,7 +75,7 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
 
     Parameters
     ----------
-    method, scene : Method, Scene
+    method, scene
     only : str
         The effect that is asked for, "" for all.
     """
@@ -141,7 +141,6 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     Parameters
     ----------
     ablated : Ablations
-        Of the method.
     ref : Reference
         The reference's answer to the scene, which allowed errors are derived at.
     within : float

@@ -94,10 +94,8 @@ def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], w
 
     Parameters
     ----------
-    scene : dict
-        As data.
-    producers, within
-        As for `crosscheck.measure.price.price`.
+    scene, producers, within
+        As for `crosscheck.measure.price.price`, the scene as data.
     failed : set of (engine, method, setting)
         What is left alone.
     pipe : Connection

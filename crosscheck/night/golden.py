@@ -80,9 +80,7 @@ def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) 
     ----------
     scenes : mapping
         Name of the case -> Scene.
-    workers : Pool
-    engines : sequence of str
-        Names.
+    workers, engines
     """
     for name, scene in scenes.items():
         workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
@@ -219,11 +217,8 @@ def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) ->
     Parameters
     ----------
     path : Path
-        The file, which is replaced.
-    cases : mapping
-        Name -> case, as `measure` returns them.
-    versions : mapping
-        Engine -> version.
+    cases, versions : mapping
+        Name -> case, as `measure` returns them; engine -> version.
     """
     baseline = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
     replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
@@ -239,10 +234,7 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
 
     Parameters
     ----------
-    path : Path
-        The baseline.
-    out : Path
-        Folder of the night.
+    path, out : Path
     workers : Pool
     """
     baseline = read(path)

@@ -65,12 +65,8 @@ def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, A
 
     Parameters
     ----------
-    path : Path
-        The history.
+    path, folder : Path
     report : mapping
-        Of the night.
-    folder : Path
-        The night's.
     """
     append(path, report)
     if not path.is_file():

@@ -56,8 +56,7 @@ def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driv
 
     Parameters
     ----------
-    title : str
-    joints : sequence of Constraint
+    title, joints
     drivers : Driver, or list of them
     **more
         Of `Stated`.
@@ -77,8 +76,7 @@ def within(random: Random, low: float, high: float) -> float:
 
     Parameters
     ----------
-    random : Random
-    low, high : float
+    random, low, high
     """
     return round(low + (high - low) * random.random(), 2)
 

@@ -32,9 +32,7 @@ def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) ->
 
     Parameters
     ----------
-    name : str
-    i, j : str
-        Bodies.
+    name, i, j : str
     point_i, point_j : (x, y)
         Of the bodies, each in its frame [m].
     """
@@ -101,11 +99,8 @@ def timed(mechanism: Mechanism, times: Sequence[float], name: str) -> Scene:
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism, name
     times : sequence of float
-        Increasing [s].
-    name : str
-        Of the scene.
     """
     return Scene(mechanism=mechanism, times=tuple(times), name=name, effects=frozenset(), evidence=frozenset(Evidence))
 
@@ -122,10 +117,7 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
 
     Parameters
     ----------
-    count : int
-        How many dyads.
-    seed : int
-        Of the draws.
+    count, seed : int
     angles : sequence of float
         Of the crank [rad].
     """

@@ -150,9 +150,7 @@ def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any],
 
     Parameters
     ----------
-    work : FourBars or SpatialLoops
-    mechanisms : (M,) array of int
-        Which of them.
+    work, mechanisms
     levels : iterable of (rows, M, T) array
         Positions, and as many rates as there are.
     rows : sequence of int
@@ -266,9 +264,7 @@ def many(name: str, mechanisms: int, times: int, margin: float) -> FourBars:
 
     Parameters
     ----------
-    name : str
-    mechanisms, times : int
-        How many.
+    name, mechanisms, times
     margin : float
         As for `grashof`.
     """

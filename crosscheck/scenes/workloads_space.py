@@ -64,9 +64,7 @@ def many_rssrs(name: str, mechanisms: int, times: int) -> SpatialLoops:
 
     Parameters
     ----------
-    name : str
-    mechanisms, times : int
-        How many.
+    name, mechanisms, times
     """
     drawn = _turning_fully()
     return SpatialLoops(

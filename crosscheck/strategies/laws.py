@@ -69,10 +69,7 @@ def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone:
 
     Parameters
     ----------
-    draw : callable
-        As Hypothesis hands it to a composite.
-    first, last, duration, monotone
-        As for `motion_laws`.
+    draw, first, last, duration, monotone
     """
     kind = draw(KINDS, label="law")
     as_rate = draw(st.booleans(), label="given as a rate")
@@ -199,9 +196,7 @@ def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> InputDriver:
 
     Parameters
     ----------
-    linkage : Linkage
-    kind : str
-        Of driver.
+    linkage, kind
     middle : float
         The crank's angle half-way [rad].
     """

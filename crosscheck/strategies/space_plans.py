@@ -170,9 +170,7 @@ def drawn_coupler(
 
     Parameters
     ----------
-    draw : callable
-        What Hypothesis draws with.
-    region : Region
+    draw, region
     decades : (float, float)
         Of the distance from what the region goes to.
     reach : callable
@@ -229,9 +227,7 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
 
     Parameters
     ----------
-    draw : callable
-        What Hypothesis draws with.
-    region : Region
+    draw, region
     decades : (float, float)
         Of the tilt, of a linkage that is nearly planar.
     """
@@ -262,14 +258,9 @@ def link(pose: SpaceAssembly, i: str, j: str, ends: tuple[Array, Array], name: s
 
     Parameters
     ----------
-    pose : SpaceAssembly
-        What is added to.
-    i, j : str
-        The bodies.
+    pose, i, j, name
     ends : (first, second)
         Of the coupler, (3,) each, as `pose` has points.
-    name : str
-        The coupler's.
     whole : bool
         Whether it is a body, and no distance.
     """

@@ -58,13 +58,8 @@ def draw_span(
 
     Parameters
     ----------
-    draw : callable
-        What Hypothesis draws with.
-    linkage : Linkage
+    draw, linkage, hardness
     pair : (driven, relative_to)
-        Which input is driven.
-    hardness : Hardness
-        Where it goes on purpose.
     decades : (float, float)
         Of the distance from a limit.
     widest : float

@@ -172,7 +172,6 @@ def never(residual: Any, correction: Any, q: Any) -> bool:
     Parameters
     ----------
     residual, correction, q
-        What `newton` asks a stopping test with.
     """
     return False
 
@@ -230,7 +229,6 @@ def count_roots(system: SquareSystem, low: float, high: float) -> int:
     Parameters
     ----------
     system : SquareSystem
-        The function and its derivative.
     low, high : float
     """
     pieces, count = [(low, high)], 0

@@ -26,11 +26,8 @@ def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
 
     Parameters
     ----------
-    n : Arithmetic
-    given : mapping
-        The row's numbers, as text.
+    n, given
     *keys : str
-        Which of them.
     """
     return [n(given[key]) for key in keys]
 

@@ -87,9 +87,7 @@ def problem_356_gamma(link: Number, q: Any, qd: Any, speed: Number) -> Any:
 
     Parameters
     ----------
-    link : number
-    q, qd : (3,) array
-        Pose and velocity.
+    link, q, qd
     speed : number
         The rate of the reach.
     """
