@@ -191,8 +191,8 @@ class Propagation:
         return np.array(carried(system, *self.levels, self.t)(left, nothing, nothing))
 
 
-def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:
-    """Return what budgets are derived from, at the times at which the reference is ok; None if there are none.
+def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation:
+    """Return what budgets are derived from, at the times at which the reference is ok.
 
     Parameters
     ----------
@@ -204,8 +204,6 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
     """
     samples = np.flatnonzero(times_with(motion, Status.OK))
-    if not samples.size:
-        return None
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
     clock, at = _clock(system, t), running(q)
     e_phi = residual_error(system, q, t)
@@ -274,22 +272,6 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     )
     changed = np.max(np.abs(inverse) @ _stacked(np.sum(np.abs(bent), axis=1)), axis=1)
     return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T)
-
-
-def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
-    """Return the budget at a solution of the reference.
-
-    Parameters
-    ----------
-    system, motion, q, qd, qdd
-        As for `propagation`.
-    terms : sequence of Term
-        What the engine adds.
-    """
-    errors = propagation(system, motion, q, qd, qdd)
-    if errors is None:
-        return ErrorBudget(np.full((3, *q.shape), np.nan), np.zeros(q.shape[1], bool))
-    return errors.budget(terms)
 
 
 def _inverse(slope: Any) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation, times_with
+from crosscheck.judge.budget import ErrorBudget, Propagation, propagation, times_with
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
@@ -34,7 +34,7 @@ class Reference:
     _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
 
     @cached_property
-    def propagation(self) -> Propagation | None:
+    def propagation(self) -> Propagation:
         """What budgets are derived from; it costs most of them, and is the same for all engines."""
         return propagation(self.system, self.motion, *self.levels)
 
@@ -68,10 +68,7 @@ class Reference:
         """Return the allowed errors against another answer."""
         key = tuple(terms)
         if key not in self._budgets:
-            errors = self.propagation
-            self._budgets[key] = (
-                derive(self.system, self.motion, *self.levels) if errors is None else errors.budget(key)
-            )
+            self._budgets[key] = self.propagation.budget(key)
         return self._budgets[key]
 
 

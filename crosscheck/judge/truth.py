@@ -97,7 +97,6 @@ def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     """
     samples = np.isin(np.flatnonzero(times_with(ref.motion, Status.OK)), np.flatnonzero(known))
     system, t, carry = ref.system, ref.motion.t[known], ref.propagation
-    assert carry is not None  # there are times at which the reference is ok
     q, qd, qdd = (level[:, known] for level in ref.levels)
     e_phi = input_effect(system, q, t, HALF_ULP)
     moved = carry.carried.at(samples)(e_phi, *_inputs_in_rates(system, q, qd, qdd, t))

@@ -52,7 +52,6 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     worst = float(np.max(np.abs(residual)))
     if not np.isfinite(worst):  # the numbers are too large for their equations
         return NOT_KNOWN
-    assert ref.propagation is not None  # only what is judged is wrong
     if np.all(np.abs(residual) <= ref.propagation.left(order, t)):
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"
         return Violation((), f"every joint and driver is satisfied there to rounding: {other}")

@@ -25,7 +25,7 @@ import numpy as np
 
 from crosscheck.engines.frames import wrap
 from crosscheck.engines.methods import motion_of
-from crosscheck.judge.budget import SAFETY, derive, output_rounding
+from crosscheck.judge.budget import SAFETY, output_rounding, propagation
 from crosscheck.judge.comparison import Reference, compare, reference, scales
 from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
@@ -128,7 +128,7 @@ def _over_allowed(work: FourBars, piece: AnswerPiece) -> tuple[float, int]:
     truth = _truth(work, piece)
     system = system_of(work, piece.mechanisms)
     levels = [system.to_unit(np.asarray(level, float), order) for order, level in enumerate(truth)]
-    budget = derive(system, motion_of(work.t[piece.times], (), levels, NOBODY), *levels)
+    budget = propagation(system, motion_of(work.t[piece.times], (), levels, NOBODY), *levels).budget()
     rows, known = np.asarray(piece.rows), budget.compared
     ratio = 0.0
     for (error, _), allowed in zip(_errors(work, piece, truth), budget.levels, strict=False):

@@ -17,7 +17,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import draw_law, moved
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, sizes
 from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
@@ -29,7 +29,7 @@ class Chain(Binned):
     """A drawn scene of several loops or contacts: `distance` is their smallest margin, in longest lengths."""
 
 
-def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: float) -> SearchStrategy[Chain]:
+def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **bounds: float) -> SearchStrategy[Chain]:
     """Return scenes of `KINDS` that assemble at all times.
 
     Examples from this strategy shrink towards a geared five-bar of about one metre at the origin.
@@ -40,13 +40,13 @@ def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: 
         Of `KINDS`; all by default.
     samples : int
         How many times a scene has.
-    **sizes : float
+    **bounds : float
         `min_size` and `max_size` of the crank [m].
     """
     wanted = tuple(kind for kind in KINDS if kinds is None or kind in kinds)
     if not wanted or samples < 1:
         raise ValueError(f"expected kinds, samples >= 1; got {kinds!r}, {samples!r}")
-    return _chains(wanted, samples, **sizes)
+    return _chains(wanted, samples, **bounds)
 
 
 def geared_linkages(**bounds: Any) -> SearchStrategy[Chain]:
@@ -72,7 +72,7 @@ def six_bars(**bounds: Any) -> SearchStrategy[Chain]:
 @st.composite
 def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float = 1e-2, max_size: float = 1e2) -> Chain:
     kind = draw(st.sampled_from(kinds), label="kind")
-    size = draw_size(draw, min_size, max_size)
+    size = draw(sizes(min_size, max_size), label="size")
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind](draw, size, 1 if branch is Branch.OPEN else -1)
     first = draw(ANGLES, label="first angle")

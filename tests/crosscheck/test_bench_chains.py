@@ -12,7 +12,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import method
 from crosscheck.engines.ours import chains
-from crosscheck.judge.budget import SAFETY, derive, output_rounding
+from crosscheck.judge.budget import SAFETY, output_rounding, propagation
 from crosscheck.judge.workloads import allowed, of_chain, residual_error, sparse_system
 from crosscheck.scenes import workloads as works
 
@@ -35,7 +35,7 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
         return
     motion = refkin.solve(WORK.scene)
     levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
-    whole = derive(system.system, motion, *levels).levels[0, :, 0]
+    whole = propagation(system.system, motion, *levels).budget().levels[0, :, 0]
     part = allowed(system, levels[0][:, 0], 0.0) / whole
 
     assert np.all(part <= 1.0)

@@ -16,7 +16,7 @@ from crosscheck.engines.exudyn import methods
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.methods import Static
 from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, quiet_settings, solved, stopping_rule
-from crosscheck.judge.budget import derive
+from crosscheck.judge.budget import propagation
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, AngleDriver, Distance
 from refkin.model import Body
@@ -55,7 +55,7 @@ def ratios(case: Case, motion: Motion, terms: tuple[Any, ...] = ()) -> list[floa
     system = compile_system(case.scene.mechanism, unit=case.scene.mechanism.unit())
     exact = [np.concatenate([case.rows[body][order] for body in case.scene.wanted]) for order in range(3)]
     scaled = [system.to_unit(level, order) for order, level in enumerate(exact)]
-    budget = derive(system, motion, *scaled, terms)
+    budget = propagation(system, motion, *scaled).budget(terms)
     size = system.to_physical(np.ones_like(exact[0]), order=1)
     rows = []
     for k, allowed in enumerate(budget.levels):
