@@ -19,16 +19,10 @@ from refkin.differences import EPS
 
 @dataclass(frozen=True)
 class Observed:
-    """A fitted order or rate.
+    """A fitted order or rate: p of e_(k+1) = C e_k^p, r of e_(k+1) = r e_k, or the slope of log e over log h.
 
-    Attributes
-    ----------
-    value : float
-        The order p of e_(k+1) = C e_k^p, the rate of e_(k+1) = r e_k, or the slope of log e over log h.
-    spread : float
-        How far single estimates lie from it at most.
-    points : int
-        How many estimates it rests on; with none the history is inconclusive.
+    `spread` is how far single estimates lie from it at most, `points` on how many it rests: with none it is
+    inconclusive.
     """
 
     value: float

@@ -15,16 +15,10 @@ from refkin.motion import Motion
 
 @dataclass(frozen=True)
 class Change:
-    """The largest change of what two answers both have.
+    """The largest change of what two answers both have, and where it is; `worst` is empty if nothing changed.
 
-    Attributes
-    ----------
-    inert : bool
-        Whether it is none: not a bit if that was asked for, else nothing above the allowed error.
-    largest : float
-        Relative: of positions to the mechanism's size (rad for angles), of rates to the largest one at that time.
-    worst : str
-        Where it is, empty if nothing changed.
+    `inert`: it is none, not a bit if that was asked for, else nothing above the allowed error. `largest` is relative,
+    of positions to the mechanism's size (rad for angles), of rates to the largest one at that time.
     """
 
     inert: bool

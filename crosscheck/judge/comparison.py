@@ -107,18 +107,10 @@ class QuantityComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """An answer against the reference.
+    """An answer against the reference, by the names of the quantities that both have.
 
-    Attributes
-    ----------
-    quantities : mapping
-        By name, those that both have.
-    missing, first_missing : int, float
-        Times at which the reference is ok and the other answer is not; the first of them [s], or infinity.
-    compared : int
-        Times that were compared against a budget.
-    other_assembly : bool
-        The answer closes the linkage, but on another branch.
+    At `missing` times, the first of them `first_missing` [s], the reference is ok and the other answer is not;
+    `compared` were held against a budget. `other_assembly`: it closes the linkage, but on another branch.
     """
 
     quantities: Mapping[str, QuantityComparison]

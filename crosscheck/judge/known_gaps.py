@@ -143,10 +143,7 @@ class Tally:
 def table(choice: str = "") -> tuple[KnownGap, ...]:
     """Return the table that a run is held against: our own, that of a file, or for "none" one without rows.
 
-    Raises
-    ------
-    UsageError, OSError
-        If the file makes no sense, or cannot be read.
+    UsageError or OSError if the file makes no sense, or cannot be read.
     """
     if choice == "none":
         return ()

@@ -187,14 +187,8 @@ def _best(offers: Sequence[Offer]) -> dict[str, Any] | None:
 def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
     """Return of how many cells the winner differs from the second best in both lists, in how many it is the same one.
 
-    Parameters
-    ----------
-    first, again : as `cheapest` returns them
-
-    Returns
-    -------
-    (int, int, list of str)
-        Cells, those with the same engine and method first, and what is to be said of each of the others.
+    And what is to be said of each of the others. `first` and `again` are as `cheapest` returns them; the same is the
+    one with the same engine and method.
     """
     cells = same = 0
     changed = []

@@ -97,16 +97,9 @@ class At(Strict):
 class Quantity(Strict):
     """One quantity of an answer.
 
-    Attributes
-    ----------
-    ratio : float or None
-        The largest error / allowed, infinity as the largest double; None if nothing was compared.
-    worst : At or None
-        Where that was met.
-    digits_by_sigma : dict
-        Digits by the decade of sigma_min at which they were met.
-    common : list
-        The signed error per scaled coordinate at the one time at which answers are compared with each other.
+    `ratio` is the largest error / allowed, infinity as the largest double, None if nothing was compared, and `worst`
+    where that was met; `common` are the signed errors per scaled coordinate at the one time at which answers are
+    compared with each other.
     """
 
     ratio: float | None
@@ -183,12 +176,10 @@ class Common(Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceRow(Strict):
-    """What the reference says of a scene.
+    """What the reference says of a scene; `sigma_min` is the smallest over its times.
 
     Attributes
     ----------
-    sigma_min : float
-        The smallest over its times.
     sigma_per_step : float or None
         The smallest sigma_min of a step over what a coordinate changes by in it.
     sharpness : dict
@@ -232,16 +223,8 @@ class RefusalRow(Strict):
 class Disagreement(Strict):
     """One engine, method and quantity that is not what it must be.
 
-    Attributes
-    ----------
-    kind, how : Kind, str
-        What it is; of a crash the signal or exit code, of an error the exception, of the reference its status.
-    ratio, at : float or None, At or None
-        Error / allowed, and where it is largest.
-    message : str
-        What else is known.
-    violated : list of str
-        The joints and drivers that the answer violates, by name, the most violated first.
+    `how`: of a crash the signal or exit code, of an error the exception, of the reference its status; `ratio` is error
+    / allowed, `at` where that is largest; `violated` names joints and drivers, the most violated first.
     """
 
     engine: str
@@ -278,14 +261,8 @@ class Disagreement(Strict):
 class Record(Strict):
     """What was measured of one scene; `reference` is None only with a `failure`.
 
-    Attributes
-    ----------
-    key : str
-        The hash of the scene: 16 hexadecimal digits.
-    about : dict
-        What the generator knows of the scene; its number in the night is `shard`.
-    run : str
-        The digest of the run that it is of (`crosscheck.night.campaign`); "" if it is of none.
+    `about` is what the generator knows of it, its number in the night as `shard`; `run` the digest of the run that it
+    is of (`crosscheck.night.campaign`), "" if it is of none.
     """
 
     key: Key
@@ -304,12 +281,8 @@ class Record(Strict):
 class NewCase(Strict):
     """A disagreement that no known gap accounts for, and the scene that shows it.
 
-    Attributes
-    ----------
-    key, shard, case : str, int or None, str
-        The record it is of and its number in the night; or the case of the golden set.
-    file, shrunk, note : str or None, bool, str
-        Its scene file in the folder of the night; whether that is a minimal scene; what was done to have it.
+    Of the record `key`, number `shard` in the night, or of the `case` of the golden set; with its scene file in the
+    folder of the night, whether that is a minimal scene, and what was done to have it.
     """
 
     disagreement: Disagreement
@@ -342,13 +315,7 @@ def plain(record: Any) -> dict[str, Any]:
 
 
 def line_of(record: Record) -> bytes:
-    """Return the line of a record.
-
-    Raises
-    ------
-    ValueError
-        If it holds a number that is not finite: JSON has none.
-    """
+    """Return the line of a record; ValueError if it holds a number that is not finite: JSON has none."""
     data = adapter(Record).dump_python(record, exclude_defaults=True)
     return json.dumps(data, allow_nan=False, separators=(",", ":")).encode()
 

@@ -156,11 +156,8 @@ DRAWS = 8
 def sharpness(ref: Reference, samples: Sequence[int]) -> dict[str, tuple[Any, Any]]:
     """Return allowed over sensitivity, by quantity, at some of the times; those without a budget are left out.
 
-    Returns
-    -------
-    dict of str to (array, array)
-        Per time, the largest component of what is allowed over the largest of the sensitivity: how loose the budget is;
-        and the smallest allowed over sensitivity of any component: errors of so many times the sensitivity are seen.
+    Per time, the largest component of what is allowed over the largest of the sensitivity: how loose the budget is; and
+    the smallest allowed over sensitivity of any component: errors of so many times the sensitivity are seen.
     """
     budget = ref.budget()
     chosen = [k for k in samples if budget.compared[k]]

@@ -34,19 +34,10 @@ class NoTruth(Exception):
 
 
 class CertifiedTruth:
-    """What answers to a scene are held against.
+    """What answers to a scene are held against; NoTruth if there is none at any time.
 
-    Attributes
-    ----------
-    known : (T,) array of bool
-        At which times there is a certified truth; the others are left out.
-    attainable : dict of str to float
-        Quantity -> the fewest attainable digits over those times.
-
-    Raises
-    ------
-    NoTruth
-        If there is none at any time.
+    `known` (T,) says at which times there is a certified truth, the others are left out; `attainable` are the fewest
+    attainable digits over those times by quantity.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -30,18 +30,9 @@ LEVELS = (*QUANTITIES, STATUS, FORM, ROWS)
 
 @dataclass(frozen=True)
 class LevelFault:
-    """Something that an engine got wrong.
+    """Something that an engine got wrong, at one of `LEVELS`: in words, the same for faults of one kind.
 
-    Attributes
-    ----------
-    level : str
-        One of `LEVELS`.
-    what : str
-        In words, the same for faults of one kind.
-    example : str
-        Where, and by how much.
-    types : tuple of str
-        Types of the joints and drivers that the answer violates.
+    `example` says where, and by how much; `types` are those of the joints and drivers that the answer violates.
     """
 
     level: str

@@ -88,15 +88,10 @@ class _Progress:
 
 @dataclass(frozen=True)
 class PriceList:
-    """The price list of one scene.
+    """The price list of one scene, and the methods (engine, method, reason) that cannot be taken on it.
 
-    Attributes
-    ----------
-    rows : list of Row
-    times, known, asked : int
-        Configurations of one cycle, those of them with a certified truth, and those of the scene.
-    refused : list of (engine, method, reason)
-        Methods that cannot be taken on this scene.
+    `times` are the configurations of one cycle, `known` those of them with a certified truth, `asked` those of the
+    scene.
     """
 
     scene: str

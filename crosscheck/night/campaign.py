@@ -151,15 +151,8 @@ def seed_of(out: Path, asked: int | None) -> int:
 class Turns:
     """Whose turn it is: which scenes a night has checked, which come next, and what they should add.
 
-    Parameters
-    ----------
-    journal : Journal
-        What an earlier part of the run has checked.
-
-    Raises
-    ------
-    OtherRun
-        If it holds anything but records of drawn scenes.
+    It begins with the journal of an earlier part of the run; OtherRun if that holds anything but records of drawn
+    scenes.
     """
 
     def __init__(self, journal: Journal) -> None:

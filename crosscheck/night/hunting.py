@@ -59,16 +59,9 @@ class Catch:
 
 @dataclass
 class Bag:
-    """What a hunt brings home.
+    """What a hunt brings home: catches by target, how many scenes were checked, and what failed.
 
-    Attributes
-    ----------
-    catches : dict
-        By target.
-    scenes : int
-        How many were checked.
-    failures : list of str
-        Scenes that could not be checked, engines that crashed or hung, turns that broke off.
+    That is scenes that could not be checked, engines that crashed or hung, turns that broke off.
     """
 
     catches: dict[Target, Catch] = field(default_factory=dict)

@@ -30,19 +30,8 @@ class Journal:
     """An append-only file of records. Of equal scenes the one with the least number counts, whichever came first.
 
     A line that a kill cut short is removed when the file is opened again; its scene is then checked anew. A whole line
-    that is no record stays where it is, for the report to complain of, and counts as none.
-
-    Attributes
-    ----------
-    keys : dict of str to int or None
-        Of the records, with the numbers of their scenes.
-    unreadable : list of Unreadable
-        The whole lines that are no records.
-
-    Raises
-    ------
-    Occupied
-        If another process has the file open as a journal.
+    that is no record stays where it is, for the report to complain of, and is `unreadable`. `keys` are the records',
+    with the numbers of their scenes. Occupied if another process has the file open as a journal.
     """
 
     def __init__(self, path: Path) -> None:
@@ -168,8 +157,8 @@ class NightOutcome(Strict):
 
     Attributes
     ----------
-    versions : dict
-        Name of each engine that is there -> version.
+    versions, engines : dict
+        Name of each engine that is there -> version, and what `crosscheck.engines.load` takes for it.
     missing : dict
         What was asked for and cannot be loaded -> why.
     checked : int
@@ -178,18 +167,12 @@ class NightOutcome(Strict):
         What went wrong with the run itself.
     new, known : list of NewCase, int
         Disagreements that no known gap accounts for; how many others there are.
-    possibly_closed : list of (Gap, int)
-        Known gaps that did not show, although many scenes, and how many, were of the kind in which they do.
-    shrinking_seconds : float
-        How long the simplifying of disagreements took.
+    gaps, possibly_closed : list of KnownGap, list of (KnownGap, int)
+        The table that the night was held against, and those of it that did not show in so many scenes of their kind.
     required : list of str
         What the night could not do without: the required engines, or all if not one was there.
-    found_again : list of (Gap, int or None)
+    found_again : list of (KnownGap, int or None)
         Where another table than our own was chosen: every row of our own, and after how many scenes it showed.
-    gaps : list of Gap
-        The table that the night was held against.
-    engines : dict
-        Name of each engine that is there -> what `crosscheck.engines.load` takes for it.
     """
 
     versions: dict[str, str]

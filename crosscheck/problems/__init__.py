@@ -29,18 +29,9 @@ TIMES = (0.0, 0.5, 1.0, 1.5, 2.0)
 
 @dataclass(frozen=True)
 class Stated:
-    """A mechanism without estimates, and when it is asked for.
+    """A mechanism without estimates, when it is asked for [s], and how many of its assemblies become problems.
 
-    Attributes
-    ----------
-    title : str
-        What it is, in a line.
-    times : tuple of float
-        Increasing [s].
-    assemblies : int
-        How many of its assemblies become problems.
-    linkage : Linkage or None
-        Whose two assemblies have names, and the coordinate that is its input.
+    Of a `linkage` the two assemblies have names; `driven` is the coordinate that is its input.
     """
 
     title: str

@@ -118,14 +118,8 @@ def worse(so_far: WorstSample | None, ratio: float | None, place: RecordLine, at
 class Cell:
     """One quantity by one method of one engine.
 
-    Attributes
-    ----------
-    scenes : int
-        Scenes in which it was compared.
-    compared : int
-        Configurations that were held against a budget (position, velocity, acceleration).
-    failures, known_gaps : int
-        Scenes with a disagreement that no known gap accounts for; scenes with one that a gap accounts for.
+    It was compared in so many scenes, in `compared` configurations of them against a budget (position, velocity,
+    acceleration); in `failures` of the scenes disagrees what no known gap accounts for, in `known_gaps` what one does.
     """
 
     digits: Digits = field(default_factory=Digits)

@@ -167,13 +167,7 @@ def implied(record: Record) -> Iterator[Disagreement]:
 
 @dataclass
 class _Feature:
-    """One feature of one engine.
-
-    Attributes
-    ----------
-    scenes, known, new : int
-        Scenes in which it answered; in which a known gap, or nothing, accounts for what disagrees.
-    """
+    """One feature of one engine: scenes in which it answered, and in which a known gap, or nothing, accounts for faults."""
 
     version: str
     scenes: int = 0

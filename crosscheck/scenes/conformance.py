@@ -48,15 +48,7 @@ LIMITED = FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=2.5)
 
 @dataclass(frozen=True)
 class Question:
-    """A scene to ask an engine, and what it is about.
-
-    Attributes
-    ----------
-    about : str
-        What is asked, in a few words.
-    expected : Status
-        The reference's verdict.
-    """
+    """A scene to ask an engine, what it is about in a few words, and the reference's verdict."""
 
     about: str
     scene: Scene

@@ -40,15 +40,7 @@ CHUNK = 500
 
 @dataclass(frozen=True)
 class FourBars:
-    """Some four-bars at some crank angles.
-
-    Attributes
-    ----------
-    lengths : (4, M) array
-        Ground, crank, coupler, rocker [m].
-    t : (T,) array
-        Times [s]; the crank's angle is `SPEED` t.
-    """
+    """Some four-bars: rows of their lengths (4, M) [m] as `ORDER`, at times t (T,); the crank's angle is `SPEED` t."""
 
     name: str
     lengths: Any
@@ -121,16 +113,10 @@ def system_of(work: FourBars, mechanisms: Any) -> System:
 
 @dataclass(frozen=True)
 class AnswerPiece:
-    """Some answers to a workload of four-bars, or of RSSRs.
+    """Some answers to a workload of four-bars, or of RSSRs: to L configurations, each of a mechanism at a time.
 
-    Attributes
-    ----------
-    mechanisms, times : (L,) array of int
-        Which configurations.
-    rows : sequence of int
-        Which coordinates, of the nine in the plane, of all in space.
-    levels : tuple of (rows, L) array
-        Coordinates in m and rad, then what rates there are.
+    `rows` says which coordinates, of the nine in the plane, of all in space; `levels` (rows, L) are coordinates in m
+    and rad, then what rates there are.
     """
 
     mechanisms: Any

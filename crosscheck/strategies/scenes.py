@@ -38,18 +38,9 @@ KINDS: Mapping[str, Any] = {
 class Drawn:
     """A scene and what it was made of: what reports are binned by, and its poses in closed form.
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    linkage : Linkage
-        Before variants of joints and frames.
-    pair : (driven, relative_to)
-        The input of the linkage that the driver holds, directly or by a pin.
-    branch : Branch
-        The assembly, as `linkage.assemble` has it for this input.
-    span : (float, float)
-        Between these the input stays.
+    The kind is one of `KINDS`, the linkage as it is before variants of joints and frames; `pair` (driven, relative_to)
+    is the input of the linkage that the driver holds, directly or by a pin, and stays within `span`; `branch` the
+    assembly, as `linkage.assemble` has it for this input.
     """
 
     scene: Scene

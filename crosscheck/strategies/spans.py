@@ -33,12 +33,8 @@ class Hardness(Member):
 class Binned:
     """A drawn scene, and what reports are binned by, as `scenes.Drawn` has it.
 
-    Attributes
-    ----------
-    distance : float
-        How near it comes to a pose without an assembly, as its kind has it.
-    hardness : Hardness or Region
-        Where it goes on purpose.
+    `distance` says how near it comes to a pose without an assembly, as its kind has it; `hardness` where it goes on
+    purpose.
     """
 
     scene: Scene

@@ -47,25 +47,18 @@ class NoCluster(CannotRun):
 class ClusterWorkers(Pool):
     """The workers of a Dask cluster; a context manager.
 
+    NoCluster if there is no such cluster, or one of its workers has other engines; and from `results`, if it is lost.
+
     Parameters
     ----------
-    work : Work
-        What they do.
+    work, engines, seconds
+        As for `crosscheck.workers.pool.Workers`.
     address : str
         "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786.
     count : int
         How many workers a local cluster has; those of another are counted.
-    engines : mapping
-        Name of each engine -> what `crosscheck.engines.load` takes for it.
     versions : mapping
         Name of each engine -> the version that every worker must have.
-    seconds : float
-        After this long on one scene its process is ended.
-
-    Raises
-    ------
-    NoCluster
-        If there is no such cluster, or one of its workers has other engines; and from `results`, if it is lost.
     """
 
     def __init__(

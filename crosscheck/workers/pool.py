@@ -40,12 +40,8 @@ Parts = Mapping[str, Any]
 class Work:
     """What workers do, in functions that a process can import.
 
-    Attributes
-    ----------
-    do, prepare : callable
-        Return the result of a job, which has a `key`; load the engines of a job, before its time begins.
-    joined : callable
-        Return the result of a job from (job, engines in their order, parts).
+    `do` returns the result of a job, which has a `key`; `prepare` loads the engines of a job, before its time begins;
+    `joined` returns the result of a job from (job, engines in their order, parts).
     """
 
     do: Callable[[Job], Any]
@@ -65,16 +61,10 @@ class Task:
 
 @dataclass
 class Trial:
-    """A scene on which a process failed, taken apart.
+    """A scene on which a process failed, first so, taken apart.
 
-    Attributes
-    ----------
-    engines : tuple of str
-        Names, in the order of the record.
-    first : Failure
-        Why it was taken apart.
-    parts : dict
-        What came of it: by engine, and under "" by the reference itself.
+    `engines` are names, in the order of the record; `parts` what came of it by engine, and under "" by the reference
+    itself.
     """
 
     job: Job
@@ -142,21 +132,17 @@ class Pool(ABC):
 class Workers(Pool):
     """Some worker processes; use it as a context manager.
 
+    Failures that were none when their jobs were taken apart are `unexplained`.
+
     Parameters
     ----------
     work : Work
-        What they do.
     count : int
         How many processes.
     engines : mapping
         Name of each engine -> what `crosscheck.engines.load` takes for it.
     seconds : float
         After this long on one job a process is ended.
-
-    Attributes
-    ----------
-    unexplained : list of str
-        Failures that were none when their jobs were taken apart.
     """
 
     def __init__(self, work: Work, count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> None:
@@ -259,10 +245,7 @@ class SameName(UsageError):
 def find_engines(specs: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str, str]]:
     """Return the engines that can be loaded, as name -> (what loads it, version), and for the others why not.
 
-    Raises
-    ------
-    SameName
-        If two have the same name.
+    SameName if two have the same name.
     """
     loaded: dict[str, tuple[str, str]] = {}
     missing = {}

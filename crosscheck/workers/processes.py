@@ -101,19 +101,15 @@ class Message(StrEnum):
 class Child:
     """A process that calls a function, as its parent sees it.
 
+    Results come in through `pipe`, which ends when the process does; the next one has time until `deadline`, by
+    `time.monotonic`.
+
     Parameters
     ----------
     function : callable
         Importable; called with one argument at a time.
     prepare : callable, optional
         Importable; called with the first of some arguments before its time begins. What it raises is the result of all.
-
-    Attributes
-    ----------
-    pipe : Connection
-        Where results come in; it ends when the process does.
-    deadline : float
-        Until when, by `time.monotonic`, the next result has time.
     """
 
     def __init__(self, function: Callable[[Any], Any], prepare: Callable[[Any], None] | None = None) -> None:

@@ -26,16 +26,10 @@ LONG = 0.05
 
 @dataclass(frozen=True)
 class Timing:
-    """What one call costs.
+    """What one call costs: the least of all rounds [s], since what disturbs a measurement only ever adds to it.
 
-    Attributes
-    ----------
-    seconds : float
-        The least of all rounds [s]: what disturbs a measurement only ever adds to it.
-    spread : float
-        How far the median round lies above the least, as a part of it.
-    turns : tuple of float
-        One call in each round [s]: what was timed together had its turns side by side.
+    `spread` is how far the median round lies above it, as a part of it; `turns` are one call in each round [s]: what
+    was timed together had its turns side by side.
     """
 
     seconds: float

@@ -35,16 +35,8 @@ class Printed(StrEnum):
 class Written:
     """A decimal number with the place of its last digit.
 
-    Attributes
-    ----------
-    text : str
-        As it is written: "0.0107", "-1.4e-14".
-    value : arb
-        A ball around it, as narrow as the precision in force.
-    unit : Decimal
-        One unit of its last digit.
-    digits : int
-        How many significant digits are written; of a zero, those behind the point and at least one.
+    `value` is a ball around what `text` says, as narrow as the precision in force; `unit` one of its last digit;
+    `digits` the significant ones that are written, of a zero those behind the point and at least one.
     """
 
     text: str
@@ -108,12 +100,10 @@ Tree = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Value(_StrictRow):
-    """One quantity of a row.
+    """One quantity of a row, as the computation names it.
 
     Attributes
     ----------
-    name : str
-        As the computation names it.
     truth : tree of leaves
         A decimal number to all digits that are known (as text), a whole number, yes or no, or a word.
     printed : tree of text

@@ -28,15 +28,7 @@ Number = Any
 
 
 class SquareSystem(NamedTuple):
-    """phi(q) = 0.
-
-    Attributes
-    ----------
-    phi : callable
-        Residual, (n,) to (n,).
-    phi_q : callable
-        Jacobian, (n,) to (n, n).
-    """
+    """phi(q) = 0: the residual (n,) of q (n,), and the Jacobian phi_q (n, n)."""
 
     phi: Callable[[Any], Any]
     phi_q: Callable[[Any], Any]
