@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from rich.table import Table
@@ -11,8 +11,7 @@ from crosscheck.commands.usage import console, table
 from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError, quoted
-from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import QUANTITIES, Disagreement, Record, RefusalRow
+from crosscheck.judge.records import QUANTITIES, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
 from crosscheck.workers.pool import find_engines
 
@@ -116,19 +115,6 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
         f"{engine} refuses {', '.join(names)} at {level}: {reason}" if all(names) else reason
         for (engine, level, reason), names in joints.items()
     ]
-
-
-def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[KnownGap]) -> str:
-    """Return the line of a disagreement with the known gap that accounts for it, if any.
-
-    Parameters
-    ----------
-    disagreement, record : Disagreement, Record
-        The latter is that of its scene.
-    gaps : sequence of KnownGap
-    """
-    gap = next((gap for gap in gaps if gap.covers(record, disagreement)), None)
-    return str(disagreement) if gap is None else f"{disagreement} [known since {gap.date}: {gap.reason}]"
 
 
 def outcome_lines(outcome: NightOutcome) -> list[str]:

@@ -22,7 +22,7 @@ from crosscheck.night.history import HistoryError, nights, remember, trends, war
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import summary
-from crosscheck.report.build import summarized, write
+from crosscheck.report.build import build, summarized
 from crosscheck.scenes.names import PEERS, QUANTITIES
 from crosscheck.workers.cluster import LOCAL
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
@@ -138,7 +138,7 @@ def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:
         outcome.failed.append(f"the history cannot be kept: {error}")
         write_outcome(out, outcome)
         report = summarized(out)
-    page = write(out, report)
+    page = build(out, report)
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     shown = console(None, stderr=True)
     unread = [f"failed: {text}" for text in report["failures"] if text not in outcome.failed][:MOST_LINES]

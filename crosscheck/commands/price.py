@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,7 @@ def to_json(prices: PriceList) -> dict[str, Any]:
     and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
     the best offer, its `second` and whether it `differs` from that by more than the spread.
     """
-    rows = [row.to_json() for row in prices.rows]
+    rows = list(map(asdict, prices.rows))
     return {
         "schema": SCHEMA,
         "scene": prices.scene,

@@ -12,7 +12,6 @@ from crosscheck.commands.engines import (
     ENGINES,
     agreement_table,
     arbiter_table,
-    line_with_gap,
     names,
     refusal_lines,
     rows_table,
@@ -66,7 +65,8 @@ def replay(
     for line in [*refusal_lines(record.refusals), *missing.values(), *pool.unexplained]:
         out.print(line)
     for disagreement in record.disagreements:
-        out.print(line_with_gap(disagreement, record, read()))
+        gap = next((gap for gap in read() if gap.covers(record, disagreement)), None)
+        out.print(f"{disagreement}{f' [known since {gap.date}: {gap.reason}]' if gap else ''}")
     if missing:
         return ENGINE_MISSING
     return DISAGREEMENT if record.disagreements else PASS

@@ -187,20 +187,6 @@ def scales(ours: Any, level: int) -> Any:
     return largest
 
 
-def scaled_differences(
-    ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)
-) -> tuple[Any, Any]:
-    """Return K levels of an answer minus the reference's, and the reference's own, both scaled, (K, n, T) each.
-
-    Parameters
-    ----------
-    ref, bodies, levels, at
-        As for `scaled`.
-    """
-    theirs, ours = scaled(ref, bodies, levels, at)
-    return np.array([difference(ref.system, *pair) for pair in zip(theirs, ours, levels, strict=True)]), ours
-
-
 def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)) -> tuple[Any, Any]:
     """Return K levels of an answer, and the reference's own, both in its scaled coordinates, (K, n, T) each.
 
@@ -253,7 +239,8 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
     signed = np.full((len(levels), system.of_bodies, len(samples)), np.nan)
     worst: list[At | None] = [None] * len(levels)
     if samples.any():
-        differences, ours = scaled_differences(ref, motion.bodies, levels, at)
+        theirs, ours = scaled(ref, motion.bodies, levels, at)
+        differences = np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)])
         rows, where = rows_of(system, motion.bodies), slice(None) if samples.all() else samples
         signed[:, rows] = np.where(samples, differences, np.nan)
         allowed = budget.levels[list(levels)][:, rows][..., at]

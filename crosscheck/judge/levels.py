@@ -53,11 +53,6 @@ class Configuration:
     contacts: Any
     _known: dict[str, tuple[System, dict[Any, Any]]] = field(default_factory=dict, init=False, repr=False)
 
-    @property
-    def system(self) -> System:
-        """Our equations, as the mechanism has them."""
-        return self.in_form("")[0]
-
     @cached_property
     def sizes(self) -> tuple[dict[Level, float], dict[Level, float]]:
         """What an engine may add and take away again on the way to a row; in the second place of rows of turns.

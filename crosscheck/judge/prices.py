@@ -58,10 +58,6 @@ class PriceRow:
     microseconds_to_build: float | None = None
     note: str = ""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the row as plain data."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class EffectRow:

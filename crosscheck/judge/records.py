@@ -339,22 +339,14 @@ def fault(error: ValidationError, under: str = "") -> str:
     return f"{where}: {value if len(value) <= 80 else value[:77] + '...'}; {first['msg'][0].lower()}{first['msg'][1:]}"
 
 
-def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
-    """Return what a file of a night holds (None: there is none), and what is wrong with it.
-
-    Parameters
-    ----------
-    folder, name
-    kind : type
-        What its text is read as.
-    """
-    path = folder / name
+def read_file(path: Path, kind: Any) -> tuple[Any, list[str]]:
+    """Return what a file of a night holds (None: there is none), read as some type, and what is wrong with it."""
     if not path.exists():
         return None, []
     try:
         return adapter(kind).validate_json(path.read_bytes()), []
     except ValidationError as error:
-        return None, [f"{name} cannot be read: {fault(error)}"]
+        return None, [f"{path.name} cannot be read: {fault(error)}"]
 
 
 def _later_of_equals(path: Path) -> set[int]:

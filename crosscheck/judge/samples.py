@@ -111,18 +111,13 @@ def histogram(digits: Iterable[float]) -> Histogram:
 
 
 def by_decade(decades: Sequence[int | None], digits: Any) -> By:
-    """Return the histogram of digits (T,) for each decade of sigma_min, the distance to a singular pose."""
-    return dict(sorted(_counted(decades, digits).items()))
-
-
-def _counted(groups: Sequence[int | None], digits: Any) -> By:
-    """Return the histogram of digits in each group; those without a group, or that are no number, are left out."""
+    """Return the histogram of digits (T,) for each decade of sigma_min; what is no number, or has none, is left out."""
     tenths = np.floor(np.asarray(digits, float) * 10)
     counts: By = {}
-    for (group, value), count in Counter(zip(groups, tenths.tolist(), strict=True)).items():
-        if group is not None and math.isfinite(value):
-            counts.setdefault(group, {})[int(value)] = count
-    return counts
+    for (decade, value), count in Counter(zip(decades, tenths.tolist(), strict=True)).items():
+        if decade is not None and math.isfinite(value):
+            counts.setdefault(decade, {})[int(value)] = count
+    return dict(sorted(counts.items()))
 
 
 def largest(values: Any) -> float | None:

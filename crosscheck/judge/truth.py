@@ -20,7 +20,7 @@ import numpy as np
 
 from crosscheck.engines import QUANTITIES
 from crosscheck.judge.budget import times_with
-from crosscheck.judge.comparison import Reference, reference, scaled_differences, scales
+from crosscheck.judge.comparison import Reference, difference, reference, scaled, scales
 from crosscheck.judge.records import MOST_DIGITS
 from refkin.model import Evidence, Scene
 from refkin.motion import Status
@@ -59,8 +59,8 @@ class CertifiedTruth:
         None if a time has no answer; the note says how many.
         """
         levels = {**dict(enumerate(before)), order: level}
-        signed, ours = (part[-1] for part in scaled_differences(self.ref, self.bodies, levels))
-        every = np.abs(signed[self._rows][:, self.known])
+        theirs, ours = (part[-1] for part in scaled(self.ref, self.bodies, levels))
+        every = np.abs(difference(self.ref.system, theirs, ours, order)[self._rows][:, self.known])
         missing = int(np.sum(~np.isfinite(every).all(axis=0)))
         if missing:
             return None, f"no answer at {missing} of {every.shape[1]} times"
@@ -112,17 +112,3 @@ def _digits(errors: Any) -> float:
     """Return -log10 of the largest error, between none and `MOST_DIGITS`."""
     largest = float(np.max(errors))
     return float(np.clip(-np.log10(largest), 0.0, MOST_DIGITS)) if largest > 0.0 else MOST_DIGITS
-
-
-def levels_or_nothing(levels: Sequence[Any], shape: tuple[int, int], order: int) -> list[Any]:
-    """Return the levels up to an order; NaN for one that was not delivered.
-
-    Parameters
-    ----------
-    levels : sequence of array
-    shape : (int, int)
-        Of each.
-    order : int
-    """
-    known = [np.asarray(level, float) for level in levels[: order + 1]]
-    return known + [np.full(shape, np.nan)] * (order + 1 - len(known))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 from crosscheck.engines import Engine, load
@@ -13,7 +13,7 @@ from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, key_of
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.scenes.names import pairs_of
-from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
+from crosscheck.workers.pool import Parts, Work, Workers
 from crosscheck.workers.processes import Failure, preload
 from refkin.model import Scene
 from refkin.scenes.files import parse
@@ -89,14 +89,5 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
 
 CHECK = Work(check_job, load_engines, joined)
 preload(__name__)
-
-
-def checkers(count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> Workers:
-    """Return worker processes that check scenes.
-
-    Parameters
-    ----------
-    count, engines, seconds
-        As for `crosscheck.workers.pool.Workers`.
-    """
-    return Workers(CHECK, count, engines, seconds)
+checkers = partial(Workers, CHECK)
+"""Makes worker processes that check scenes."""

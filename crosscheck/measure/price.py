@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from crosscheck.engines import QUANTITIES
@@ -156,7 +156,7 @@ def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) ->
     for done, (name, scene) in enumerate(priced_classes().items()):
         left = (end - time.monotonic()) / (len(priced_classes()) - done)
         prices = price(scene, producers, max(left, LEAST))
-        rows += [{"scene_class": name, **row.to_json()} for row in prices.rows]
+        rows += [{"scene_class": name, **asdict(row)} for row in prices.rows]
     return rows
 
 

@@ -20,7 +20,7 @@ from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Method, Model, Use, methods
 from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, offers
-from crosscheck.judge.truth import CertifiedTruth, NoTruth, levels_or_nothing
+from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.scenes.names import order_of
 from crosscheck.workers.processes import Failure, told_if_raised
 from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
@@ -187,7 +187,8 @@ def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
         levels = list(models[-1].read(answer))
         run.order = min(run.order, len(levels) - 1)
         shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
-        levels = [level[:, :: question.compared] for level in levels_or_nothing(levels, shape, run.order)]
+        nothing = [np.full(shape, np.nan)] * (run.order + 1 - len(levels))
+        levels = [np.asarray(x, float)[:, :: question.compared] for x in (*levels[: run.order + 1], *nothing)]
         for k, level in enumerate(levels):
             fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses], run.digits[poses] = models, took, fewest

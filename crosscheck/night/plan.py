@@ -210,7 +210,7 @@ def write_outcome(folder: Path, outcome: NightOutcome) -> None:
 
 def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
     """Return how the night of a folder ended, None if nobody wrote it; and what is wrong with the file."""
-    return read_file(folder, OUTCOME, NightOutcome)
+    return read_file(folder / OUTCOME, NightOutcome)
 
 
 def engines_option(engines: Sequence[str]) -> str:

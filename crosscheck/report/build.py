@@ -56,24 +56,20 @@ COVERAGE_NAMES = {
 }
 
 
-def build(folder: Path) -> Path:
-    """Write `report.json` and `index.html` for the run in a folder, and return the path of the page.
-
-    The folder holds what a night wrote: records.jsonl, run.json, outcome.json, what was measured beside them, and
-    disagreements/*.toml. Whatever is missing was not done. The same files give the same bytes.
-    """
-    return write(folder, summarized(folder))
-
-
 def summarized(folder: Path) -> dict[str, Any]:
-    """Return the report of the run in a folder."""
+    """Return the report of the run in a folder.
+
+    It holds what a night wrote: records.jsonl, run.json, outcome.json, what was measured beside them, and
+    disagreements/*.toml. Whatever is missing was not done.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     described: dict[str, Any] = plain(Summary(folder).described())
     return described
 
 
-def write(folder: Path, report: Mapping[str, Any]) -> Path:
-    """Write a report and its page, and return the path of the page."""
+def build(folder: Path, report: Mapping[str, Any] | None = None) -> Path:
+    """Write the report of a folder and its page, and return the page's path: the same files give the same bytes."""
+    report = summarized(folder) if report is None else report
     replace_file(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     replace_file(page, render(report))

@@ -167,7 +167,7 @@ def implied(record: Record) -> Iterator[Disagreement]:
 
 @dataclass
 class _Feature:
-    """One feature of one engine: scenes in which it answered, and in which a known gap, or nothing, accounts for faults."""
+    """One feature of one engine: scenes in which it answered, and a known gap, or nothing, accounts for its faults."""
 
     version: str
     scenes: int = 0

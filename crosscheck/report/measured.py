@@ -70,7 +70,7 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
     rows: dict[str, Rows | None] = {}
     faults: list[str] = []
     for name, kind in KINDS.items():
-        read, wrong = read_file(folder, f"{name}.json", list[kind])  # type: ignore[valid-type]
+        read, wrong = read_file(folder / f"{name}.json", list[kind])  # type: ignore[valid-type]
         rows[name] = None if read is None else [row.model_dump() for row in read]
         faults += wrong
     for row in (*(rows["effects"] or ()), *(rows["hard_cases"] or ())):

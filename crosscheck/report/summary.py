@@ -61,7 +61,7 @@ class Summary:
         self.failures += [text for text in (self.outcome.failed if self.outcome else ()) if text not in held]
 
     def _read(self, folder: Path, name: str, kind: Any) -> Any:
-        content, faults = read_file(folder, name, kind)
+        content, faults = read_file(folder / name, kind)
         self.failures += faults
         return content
 

@@ -210,7 +210,6 @@ class ReferenceTotals:
         self.statuses: Counter[str] = Counter()
         self.seconds = 0.0
         self.largest: dict[str, tuple[float, RecordLine]] = {}
-        self.radii: dict[str, tuple[float, RecordLine]] = {}
         self.smallest_sigma: tuple[float, RecordLine] | None = None
         self.sharpness: dict[str, list[tuple[float, float]]] = {}
 
@@ -224,11 +223,9 @@ class ReferenceTotals:
         self.verdicts[row.verdict] += 1
         self.statuses.update(row.statuses)
         self.seconds += row.seconds
-        if row.residual is not None and row.residual > self.largest.get("residual", (-1.0, place))[0]:
-            self.largest["residual"] = (row.residual, place)
-        for name, radius in row.certified_radius.items():
-            if radius is not None and radius > self.radii.get(name, (-1.0, place))[0]:
-                self.radii[name] = (radius, place)
+        for name, value in (("residual", row.residual), *row.certified_radius.items()):
+            if value is not None and value > self.largest.get(name, (-1.0, place))[0]:
+                self.largest[name] = (value, place)
         for name, sharp in row.sharpness.items():
             self.sharpness.setdefault(name, []).append(sharp)
         if self.smallest_sigma is None or row.sigma_min < self.smallest_sigma[0]:
@@ -242,7 +239,7 @@ class ReferenceTotals:
             "statuses": dict(self.statuses.most_common()),
             "largest_residual": _with_place(self.largest.get("residual")),
             "smallest_sigma_min": _with_place(self.smallest_sigma),
-            "largest_certified_radius": {name: _with_place(extreme) for name, extreme in self.radii.items()},
+            "largest_certified_radius": {q: _with_place(self.largest[q]) for q in QUANTITIES if q in self.largest},
             "sharpness": {name: _sharpness(met) for name, met in self.sharpness.items()},
             "microseconds_mean": 1e6 * self.seconds / count if count else None,
         }

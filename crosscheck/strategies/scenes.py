@@ -20,12 +20,12 @@ from crosscheck.strategies.linkages import (
     longest,
     slider_cranks,
 )
-from crosscheck.strategies.spans import Hardness, Input, draw_span, limited_inputs, turning_inputs
+from crosscheck.strategies.spans import Hardness, Input, draw_span, turning_inputs
 from crosscheck.strategies.variety import Variant, draw_variant
 from refkin.joints import GROUND
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Law
-from refkin.scenes.linkages import Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
+from refkin.scenes.linkages import ANYWHERE, Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
 
 KINDS: Mapping[str, Any] = {
     "four-bar": four_bars,
@@ -157,7 +157,9 @@ def scenes_of(
     """
     hard, kind = draw(st.sampled_from(tuple(linkages)), label="hardness and kind")
     linkage = draw(linkages[hard, kind], label="linkage")
-    inputs = limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS
+    inputs: tuple[Input, ...] = linkage.INPUTS
+    if hard is Hardness.LIMIT:  # every linkage has an input with a limit
+        inputs = tuple(pair for pair in inputs if linkage.input_range(*pair) != ANYWHERE)
     pair = draw(st.sampled_from((*inputs, *inputs[:2], inputs[0])), label="input")  # the first are the usual ones
     drive, span = _draw_drive(draw, linkage, pair, hard, decades)
     law, times = _draw_motion(draw, drive, span, samples, monotone=hard is not Hardness.REGULAR)

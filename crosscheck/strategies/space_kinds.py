@@ -30,7 +30,6 @@ from crosscheck.strategies.space_plans import (
     drawn_span,
     joint_frame,
     link,
-    rod_is_a_body,
     turn,
 )
 from refkin.joints import (
@@ -58,7 +57,7 @@ def _to_tip(circle: RockerCircle) -> Callable[[Array], tuple[Array, Array]]:
 
 
 def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
-    whole = rod_is_a_body(draw)
+    whole = draw(st.booleans(), label="coupler is a body")
     for _ in range(TRIES):
         circle = drawn_rocker(draw, region, decades)
         span, length, room, there = drawn_coupler(draw, region, decades, _to_tip(circle))
@@ -70,7 +69,8 @@ def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 
 
 def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
-    axis, whole = joint_frame(direction(draw, "axis of the slide") + 0.125 * X, None), rod_is_a_body(draw)
+    axis = joint_frame(direction(draw, "axis of the slide") + 0.125 * X, None)
+    whole = draw(st.booleans(), label="coupler is a body")
     foot = np.array([draw(COORDINATES, label="offset of the slide") for _ in range(3)])
 
     def away(points: Array) -> Array:
@@ -203,7 +203,7 @@ def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
 
 def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """An RSSR whose rocker is the crank of another."""
-    circle, whole = drawn_rocker(draw, region, decades), rod_is_a_body(draw)
+    circle, whole = drawn_rocker(draw, region, decades), draw(st.booleans(), label="coupler is a body")
     span, length, room, region = drawn_coupler(draw, region, decades, _to_tip(circle))
     second = RockerCircle(
         circle.centre + 2.0 * circle.radius * direction(draw, "second ground"),

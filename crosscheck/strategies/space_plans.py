@@ -248,11 +248,6 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
     return RockerCircle(centre, joint_frame(axis, None), radius)
 
 
-def rod_is_a_body(draw: DrawFn) -> bool:
-    """Return whether a coupler is a body, and no distance."""
-    return draw(st.booleans(), label="coupler is a body")
-
-
 def link(pose: SpaceAssembly, i: str, j: str, ends: tuple[Array, Array], name: str, whole: bool) -> None:
     """Join two bodies by a coupler, a body with a spherical joint at either end, or by a distance.
 

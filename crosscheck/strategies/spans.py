@@ -90,11 +90,6 @@ def turning_inputs(linkage: AnyLinkage, pair: Input) -> list[float]:
     return [first, first + math.pi]
 
 
-def limited_inputs(linkage: AnyLinkage) -> tuple[Input, ...]:
-    """Return the inputs that have a limit; every linkage has some."""
-    return tuple(pair for pair in linkage.INPUTS if linkage.input_range(*pair) != ANYWHERE)
-
-
 def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
     low, high = draw(st.sampled_from(_between_flat_poses(linkage, pair)), label="interval")
     if math.isfinite(low):

@@ -94,7 +94,7 @@ def ranking() -> Any:
                 PriceRow(**who, digits_attainable=numbers.choice([None, 9.0, 15.0]), **cost, **digits, **spread)
             )
         lists.append(rows)
-    cells = [cheapest([row.to_json() for row in rows]) for rows in lists]
+    cells = [cheapest([asdict(row) for row in rows]) for rows in lists]
     noise = [
         EffectRow(engine="", method="", setting="", effect="", called_for=True, microseconds=x, spread=y).within_noise
         for x, y in product((None, -1.0, 0.0, 1.0), (None, 0.5, 1.0))

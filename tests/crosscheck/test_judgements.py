@@ -120,7 +120,7 @@ class Rows:
         self.ours = at.in_form("")[1]
         far = 4.0 * max(1.0, *np.abs(self.ours["x"][0]).tolist())
         forms, factors = cycle((Linear(), Length(length=far), SineRow())), cycle((1.0, -2.0, 0.5, 3.0))
-        first, last = {p.constraint.name: p.row for p in at.system.placed}, at.system.m - 1
+        first, last = {p.constraint.name: p.row for p in at.in_form("")[0].placed}, at.in_form("")[0].m - 1
         places = [(e.name, e.row + k) for e in elements_of(at.mechanism.constraints) for k in range(e.rows)]
         of_places = ({"constraint": name, "row": k, "engine_row": last - first[name] - k} for name, k in places)
         self.rows = [RowMap(**place, form=next(forms), factor=next(factors)) for place in of_places][1:]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -180,7 +180,7 @@ def priced(digits, microseconds, method="newton", engine="made up", quantity="po
 
 
 def best(rows, poses="cycle"):
-    return cheapest([row.to_json() for row in rows])[poses]["position"]
+    return cheapest([asdict(row) for row in rows])[poses]["position"]
 
 
 def test_the_second_best_is_that_of_another_method():
@@ -215,7 +215,7 @@ def test_one_pose_a_cycle_and_bulk_each_have_their_own_winner():
 
 def test_a_list_repeats_itself_where_the_winners_are_the_same():
     rows, other = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")], [priced(9.0, 9.0), priced(9.0, 5.0, "chord")]
-    lists = [cheapest([row.to_json() for row in item]) for item in (rows, other)]
+    lists = [cheapest([asdict(row) for row in item]) for item in (rows, other)]
 
     assert repeated(lists[0], lists[0])[:2] == (3, 3)  # of 3, 6 and 9 digits
     assert repeated(*lists)[:2] == (3, 0)
@@ -237,13 +237,11 @@ def test_a_process_that_gets_a_small_part_of_a_busy_machine_is_no_hang(monkeypat
 
 
 def test_winners_within_the_spread_count_for_nothing():
-    near = cheapest([row.to_json() for row in (priced(9.0, 5.0), priced(9.0, 5.1, "chord"))])
+    near = cheapest([asdict(row) for row in (priced(9.0, 5.0), priced(9.0, 5.1, "chord"))])
 
     assert repeated(near, near)[:2] == (0, 0)
     rows = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")]
-    nothing, known = (
-        {"cheapest": one, "cheapest_engine": one} for one in (near, cheapest([r.to_json() for r in rows]))
-    )
+    nothing, known = ({"cheapest": one, "cheapest_engine": one} for one in (near, cheapest([asdict(r) for r in rows])))
     assert not print_repeated(nothing, nothing, as_json=False)
     assert print_repeated(known, known, as_json=False)
 

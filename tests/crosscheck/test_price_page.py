@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import asdict
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -70,7 +71,7 @@ def test_more_digits_are_higher_and_a_higher_price_is_further_right():
 
 
 def test_prices_stand_on_a_logarithmic_axis():
-    (a, _), (b, _), (c, _) = places([row(microseconds=price).to_json() for price in (1.0, 10.0, 100.0)])
+    (a, _), (b, _), (c, _) = places([asdict(row(microseconds=price)) for price in (1.0, 10.0, 100.0)])
 
     assert b - a == pytest.approx(c - b, abs=0.2)
 
@@ -86,7 +87,7 @@ def test_a_quantity_that_nobody_was_measured_at_says_so():
 
 
 def test_no_two_methods_look_alike():
-    many = [row(method=f"method {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
+    many = [asdict(row(method=f"method {k}", engine=e)) for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
 
     assert len(set(looks_of_methods(many).values())) == len(many)
 

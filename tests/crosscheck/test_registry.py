@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
@@ -119,7 +119,7 @@ def test_it_is_benchmarked():
 def priced(again=0):
     """The price list of the peers over a short part of the cycle."""
     scene = workloads.sweep(24).scene()
-    return [row.to_json() for row in price(scene, PEERS, within=20.0).rows]
+    return [asdict(row) for row in price(scene, PEERS, within=20.0).rows]
 
 
 @functools.cache

@@ -166,13 +166,8 @@ class ArbNumbers:
 Arithmetic = Binary64 | ArbNumbers
 
 
-def never(residual: Any, correction: Any, q: Any) -> bool:
-    """Go on to the cap: the stopping test of a for loop.
-
-    Parameters
-    ----------
-    residual, correction, q
-    """
+def never(*_: Any) -> bool:
+    """Go on to the cap: the stopping test of a for loop."""
     return False
 
 

@@ -147,11 +147,6 @@ def _lengths(n: Arithmetic, given: Given, reading: Signs) -> metu.Rapier:
     return metu.Rapier(x0, a["a1"] * y, a["b1"] * up, a["a4"] + a["b4"] * side, counted_from, *links)
 
 
-def _rapier(n: Arithmetic, given: Given, reading: Signs, theta12: Any) -> SquareSystem:
-    """Return the loops of the rapier drive in one reading."""
-    return metu.rapier(_lengths(n, given, reading), theta12)
-
-
 R1, R2 = (-1, -1, -1, -1), (-1, -1, 1, 1)
 
 
@@ -166,7 +161,7 @@ def b5(n: Arithmetic, given: Given) -> Values:
     degree = n.pi / 180
     values: Values = {}
     for name, reading in (("R1", R1), ("R2", R2)):
-        q = n.root(_rapier(n, given, reading, n(given["theta12"]) * degree), guess(n, given))
+        q = n.root(metu.rapier(_lengths(n, given, reading), n(given["theta12"]) * degree), guess(n, given))
         values[name] = [*(angle / degree for angle in q[:3]), q[3]]
     near = n.vector([*given["R2 stops near"], "1", "1", "-0.5", "-500"])
     values["R2: the crank stops at"] = n.root(metu.rapier_fold(_lengths(n, given, R2)), near)[4] / degree
@@ -239,7 +234,7 @@ def scan_b5(n: Binary64, given: Given) -> Values:
     start, at = guess(n, given), float(given["theta12"])
     for reading in READINGS:
         try:
-            q = n.root(_rapier(n, given, reading, math.radians(at)), start)
+            q = n.root(metu.rapier(_lengths(n, given, reading), math.radians(at)), start)
         except NoRoot:
             continue
         if np.max(np.abs(q[:3] - start[:3])) < math.radians(45.0):
@@ -255,7 +250,7 @@ def scan_b5(n: Binary64, given: Given) -> Values:
 def _turns(n: Binary64, given: Given, reading: Signs, q: Any) -> bool:
     """Return whether the drive follows its crank over a turn, in half degrees, without leaps."""
     for k in range(1, 721):
-        result = newton(*_rapier(n, given, reading, math.radians(float(given["theta12"]) + k / 2)), q)
+        result = newton(*metu.rapier(_lengths(n, given, reading), math.radians(float(given["theta12"]) + k / 2)), q)
         if not result.converged or np.max(np.abs(result.q[:3] - q[:3])) > 0.3:
             return False
         q = result.q
@@ -281,7 +276,7 @@ def b6(n: Arithmetic, given: Given) -> Values:
 def b7(n: Arithmetic, given: Given) -> Values:
     """Least squares from the guess of B5: the same root; at a crank angle that reading R2 cannot reach, a minimum."""
     degree = n.pi / 180
-    q = n.root(_rapier(n, given, R1, n(given["theta12"]) * degree), guess(n, given))
+    q = n.root(metu.rapier(_lengths(n, given, R1), n(given["theta12"]) * degree), guess(n, given))
     values: Values = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
     if isinstance(n, Binary64):
         beyond = math.radians(float(given["beyond the limit of R2"]))

@@ -11,7 +11,6 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.ledger.shabana_four_bar import norm
-from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
 from crosscheck.documents.systems.shabana import CrankAndRod
 from refkin.analysis import position
 from refkin.joints import (
@@ -51,7 +50,7 @@ def refkin_d1(n: Binary64, given: Given) -> Values:
     linkage = SliderCrank(crank=0.2, rod=0.35)
     whole = linkage.mechanism(linkage.driver(Polynomial(coefficients=(1.0,))))
     links = CrankAndRod(0.2, 0.35)
-    at = links.pose(1.0, theta3_at(n, links, 1.0)).astype(float)
+    at = links.pose(1.0, links.theta3(n, 1.0)).astype(float)
     counted = count(whole)
     return {
         "coordinates": counted.coordinates * counted.bodies,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -47,9 +46,9 @@ def d15(n: Arithmetic, given: Given) -> Values:
         values[f"x', theta3' at {name}"] = [xd, w3]
         values[f"x'', theta3'' at {name}"] = [second[1], second[0]]
     system = links.twelve_coordinates(n("1"))
-    q = links.pose(n("1"), theta3_at(n, links, n("1")))
+    q = links.pose(n("1"), links.theta3(n, n("1")))
     values["|det C_q| at 1"] = abs(n.det(system.phi_q(q)))
-    values["l3 cos(theta3) at 1"] = l3 * np.cos(theta3_at(n, links, n("1")))
+    values["l3 cos(theta3) at 1"] = l3 * np.cos(links.theta3(n, n("1")))
     zero = n("0")
     qd = n.solve(system.phi_q(q), [zero] * 11 + [omega])
     qdd = n.solve(system.phi_q(q), links.right_side(q, qd, zero))
@@ -58,23 +57,13 @@ def d15(n: Arithmetic, given: Given) -> Values:
     return values
 
 
-def theta3_at(n: Arithmetic, links: CrankAndRod, theta2: Any) -> Any:
-    """Return theta3 [rad] on the branch where the rod points along the guide.
-
-    Parameters
-    ----------
-    n, links, theta2
-    """
-    return n.arcsin(-links.l2 * np.sin(theta2) / links.l3)
-
-
 def refkin_d15(n: Binary64, given: Given) -> Values:
     """The same rates with four bodies."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     links, values = CrankAndRod(l2, l3), Values()
     for name, theta2 in (("0", 0.0), ("1", 1.0), ("pi", math.pi)):
         system = compile_system(_mechanism(l2, l3, Polynomial(coefficients=(theta2, omega))))
-        q = links.pose(theta2, theta3_at(n, links, theta2)).astype(float)
+        q = links.pose(theta2, links.theta3(n, theta2)).astype(float)
         qd = velocity(system, q, 0.0)
         qdd = acceleration(system, q, qd, 0.0)
         values[f"x', theta3' at {name}"] = qd[[9, 8]]
@@ -91,7 +80,7 @@ def d16(n: Arithmetic, given: Given) -> Values:
     cosine = (l2 * l2 + x * x - l3 * l3) / (2 * l2 * x)
     theta2 = n.angle(cosine, np.sqrt(1 - cosine * cosine))
     links = CrankAndRod(l2, l3)
-    theta3 = theta3_at(n, links, theta2)
+    theta3 = links.theta3(n, theta2)
     slope = links.twelve_coordinates(x, SLIDER_DRIVEN).phi_q(links.pose(theta2, theta3))
     rates = n.solve(slope, [n("0")] * 11 + [speed])
     return {

@@ -125,6 +125,10 @@ class CrankAndRod(NamedTuple):
         rise = h - self.l2 * np.sin(theta2)
         return rise / self.l3, self.l2 * np.cos(theta2) + sign * np.sqrt(self.l3 * self.l3 - rise * rise)
 
+    def theta3(self, n: Any, theta2: Number) -> Number:
+        """Return the angle of the rod, along the guide, without offset; the arithmetic `n` has the arcsine."""
+        return n.arcsin(-self.l2 * np.sin(theta2) / self.l3)
+
     def velocity(self, theta2: Number, theta3: Number, rate: Number) -> Any:
         """Return (theta3', x') of the slider-crank at the rate theta2'."""
         factor = rate * self.l2 / (self.l3 * np.cos(theta3))
