@@ -118,7 +118,7 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
 
 
 def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
-    """Print columns of numbers as a table, as wide as it is where standard output is no terminal.
+    """Print columns of numbers as a table, as wide as it is where standard output is no terminal; return if it has any.
 
     Parameters
     ----------
@@ -127,11 +127,6 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     first : int
         How many columns say which row it is. Rows that hold no number beyond those share one row while the last of
         those columns, their status, stays the same.
-
-    Returns
-    -------
-    bool
-        Whether there was a number to print.
     """
 
     def numbers(row: Sequence[Any]) -> bool:

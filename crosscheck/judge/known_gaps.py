@@ -242,18 +242,10 @@ def read_findings(text: str | None = None) -> tuple[Finding, ...]:
     return _rows_of(Finding, "finding", "findings.toml", text)
 
 
-def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:
-    """Return the finding that explains a row of the table, if there is one.
-
-    Parameters
-    ----------
-    known : sequence of Finding
-    engine, method, case, verdict : str
-        As the row has them.
-    """
-    return next(
-        (f for f in known if (f.engine, f.method, f.verdict) == (engine, method, verdict) and case in f.cases), None
-    )
+def finding_of(known: Sequence[Finding], row: Mapping[str, Any]) -> Finding | None:
+    """Return the finding that explains a row of the table, if there is one."""
+    who = tuple(row[key] for key in ("engine", "method", "verdict"))
+    return next((f for f in known if (f.engine, f.method, f.verdict) == who and row["case"] in f.cases), None)
 
 
 def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[tuple[Finding, str]]:

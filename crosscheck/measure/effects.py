@@ -201,18 +201,15 @@ def _row(
 def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> float | None:
     """Return how far off the difference of two least times may be; None for a single round.
 
+    That is the range of the difference over groups of rounds (every third one, of few every second). It is at least as
+    much as the effect seems to save: who does more cannot take less time, so that this is noise, too.
+
     Parameters
     ----------
     before, after : sequence of float
         One call in each round [s], without the effect and with it.
     per : float
         What the result is multiplied by.
-
-    Returns
-    -------
-    float or None
-        The range of that difference over groups of rounds (every third one, of few every second). It is at least
-        as much as the effect seems to save: who does more cannot take less time, so that this is noise, too.
     """
     count = len(before)
     if count < 2:
@@ -246,7 +243,10 @@ def effects_ledger(
     within: float = WITHIN,
     tell: Callable[[int, str], None] = lambda done, producer: None,
 ) -> list[EffectRow]:
-    """Return what every effect costs and whether it is inert, for refkin and some engines.
+    """Return what every effect costs and whether it is inert, for refkin, which is first, and some engines.
+
+    Of each method there are all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a row that
+    says so, and so has what an engine has not.
 
     Parameters
     ----------
@@ -258,12 +258,6 @@ def effects_ledger(
         How long to measure in all [s]; solving everything once comes on top.
     tell : callable
         Is told how many producers are done, and which comes next.
-
-    Returns
-    -------
-    list of EffectRow
-        refkin's first; of each method all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
-        row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
     """
     data, share = to_dict(scene), within / (1 + len(engines))
     ledger: list[EffectRow] = []

@@ -127,7 +127,7 @@ def hard_case_rows(
     seconds: float = SECONDS,
     tell: Callable[[int, str], None] = lambda done, case: None,
 ) -> list[Row]:
-    """Return one row per engine, method and case, with the keys `KEYS`, all of them plain data.
+    """Return one row per engine, method and case, with the keys `KEYS`, all plain data; EngineError without an engine.
 
     Parameters
     ----------
@@ -144,11 +144,6 @@ def hard_case_rows(
         After this long on one case a method is said to hang.
     tell : callable
         Is told how many cases are done, and which comes next.
-
-    Raises
-    ------
-    EngineError
-        If an engine cannot be loaded.
     """
     end = None if within is None else time.monotonic() + within
     chosen = _in_turn_by_kind(hard_cases() if cases is None else cases)
@@ -200,16 +195,11 @@ def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known:
         ended = HardOutcome.HANG if answer.kind == "hang" else HardOutcome.CRASH
         answer = ended.value, f"{answer.name}: {answer.text}"
     verdict, note = answer
-    finding = finding_of(known, engine, name, case.case, verdict) if verdict in BAD else None
+    who = {"key": case.key, "engine": engine, "method": name, "setting": setting}
+    row = {**who, "case": case.case, "distance": case.distance, "of": of, "verdict": verdict}
+    finding = finding_of(known, row) if verdict in BAD else None
     return {
-        "key": case.key,
-        "engine": engine,
-        "method": name,
-        "setting": setting,
-        "case": case.case,
-        "distance": case.distance,
-        "of": of,
-        "verdict": verdict,
+        **row,
         "class": None if finding is None else finding.kind,
         "quote": None if finding is None else f"{finding.quote} ({finding.source})",
         "note": note,

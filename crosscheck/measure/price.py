@@ -109,7 +109,7 @@ def price(
     patience: float = PATIENCE,
     tell: Callable[[int, str], None] = lambda done, method: None,
 ) -> PriceList:
-    """Return the price list of a scene.
+    """Return the price list of a scene; NoTruth if no pose of it is certified.
 
     Parameters
     ----------
@@ -123,11 +123,6 @@ def price(
         After so much processor time at one method it is given up [s], or that on the clock if it sleeps.
     tell : callable
         Is told how many times a method was begun with, and which it is.
-
-    Raises
-    ------
-    NoTruth
-        If no pose of the scene is certified.
     """
     priced = replace(scene, times=scene.times[:CYCLE], points=(), bodies_wanted=None)
     progress = _Progress(tell=tell)

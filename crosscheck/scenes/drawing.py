@@ -134,7 +134,8 @@ def shrink(
 ) -> tuple[AnyDrawn | None, int]:
     """Return the simplest scene found that fails as the one drawn under this number did, and how many were tried.
 
-    The motion is first sampled at fewer times, as few as show the failure, then Hypothesis simplifies what it drew.
+    The motion is first sampled at fewer times, as few as show the failure, then Hypothesis simplifies what it drew. The
+    scene is None if not even the one as it was drawn fails again.
 
     Parameters
     ----------
@@ -144,11 +145,6 @@ def shrink(
         Whether a scene shows the same disagreement.
     seconds : float
         After this long the simplest so far is returned.
-
-    Returns
-    -------
-    Drawn, Chain or None
-        None if not even the scene as it was drawn fails again.
     """
     end = time.monotonic() + seconds
     best, samples = draw(night, number), SAMPLES

@@ -64,7 +64,8 @@ def test_what_is_wrong_is_explained_by_a_finding(engine, route):
     new = []
     for key in sorted(k for k in keys if not k.startswith("branching") or k in FIRST.values()):
         outcome, note = outcome_of((engine, route, "", key))
-        if outcome in BAD and finding_of(FINDINGS, engine, route, case_of[key], outcome) is None:
+        row = {"engine": engine, "method": route, "case": case_of[key], "verdict": outcome}
+        if outcome in BAD and finding_of(FINDINGS, row) is None:
             new.append((key, outcome, note))
 
     assert new == []

@@ -100,11 +100,11 @@ def test_a_step_counts_by_the_smaller_sigma_at_its_ends():
 def test_a_finding_explains_its_own_rows_alone():
     known = read_findings()
     finding = next(f for f in known if f.cases)
-    own = (finding.engine, finding.method, finding.cases[0], finding.verdict)
+    own = {**vars(finding), "case": finding.cases[0]}
 
-    assert finding_of(known, *own) is finding
-    assert finding_of([finding], "another", *own[1:]) is None
-    assert finding_of([replace(finding, cases=("another",))], *own) is None
+    assert finding_of(known, own) is finding
+    assert finding_of([finding], {**own, "engine": "another"}) is None
+    assert finding_of([replace(finding, cases=("another",))], own) is None
 
 
 def test_times_are_rounded_numbers_but_where_a_table_has_an_error_of_its_own():

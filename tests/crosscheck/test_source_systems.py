@@ -17,7 +17,7 @@ from refkin.newton import newton
 from refkin.system import compile_system
 from tests.claims import U, assert_near
 
-LINKS = CrankAndRod(0.2, 0.35)
+LINKS, CYLINDER = CrankAndRod(0.2, 0.35), me451.Problem356(0.6, 0.25)
 
 
 def square_systems():
@@ -31,8 +31,8 @@ def square_systems():
         ("A2", me451.sine_and_exponential(), [0.8, 1.3]),
         ("A3", me451.square_and_sine(1.841471), [1.4]),
         ("A4", me451.exponential_and_logarithm(), [0.7, 0.3]),
-        ("A6", me451.problem_356(0.43, 0.6, 0.25), [0.3, 0.2, 0.9]),
-        ("A8", me451.problem_356_fold(0.6, 0.25), [0.3, 0.2, 0.9, 0.43, 0.6, -0.7, 1.1]),
+        ("A6", CYLINDER.system(0.43), [0.3, 0.2, 0.9]),
+        ("A8", CYLINDER.fold(), [0.3, 0.2, 0.9, 0.43, 0.6, -0.7, 1.1]),
         ("A9", me451.even_function(0.6), [0.7]),
         ("A10", me451.square(4.0), [1.3]),
         ("B2", metu.slotted(slotted), [1.2, 0.4, 0.5, 1.1]),
@@ -57,7 +57,7 @@ SYSTEMS = square_systems()
 REGULAR = {
     "A3": (me451.square_and_sine(1.841471), [2.0]),
     "A4": (me451.exponential_and_logarithm(), [1.0, 0.0]),
-    "A6": (me451.problem_356(0.4, 0.6, 0.25), [0.2, 0.2, math.pi / 4]),
+    "A6": (CYLINDER.system(0.4), [0.2, 0.2, math.pi / 4]),
     "B2": (metu.slotted(SLOTTED), CLOSED + 2 * OFF),
     "C4": (me581.four_bar(NOTES, math.radians(65.0)), [0.0, math.pi / 2]),
     "D10": (LoopOfFourBars(0.35, 0.2, 0.35, 0.25).system(1.1), [1.1, 0.4, 4.0]),
@@ -116,12 +116,12 @@ def test_newton_on_a_difference_jacobian_ends_at_the_same_root(name):
 def test_reduced_and_absolute_form_of_problem_356_agree(t):
     """Position, velocity and acceleration of (x2, y2, phi3)."""
     reach, rows = 0.4 + 0.1 * t, [3, 4, 8]
-    reduced = me451.problem_356(reach, 0.6, 0.25)
+    reduced = CYLINDER.system(reach)
     start = np.array([0.2, 0.2, math.pi / 4])
     for part in np.linspace(0.0, t, 9):
-        start = newton(*me451.problem_356(0.4 + 0.1 * part, 0.6, 0.25), start).q
-    qd = np.linalg.solve(reduced.phi_q(start), me451.problem_356_nu(reach, 0.1))
-    qdd = np.linalg.solve(reduced.phi_q(start), me451.problem_356_gamma(0.25, start, qd, 0.1))
+        start = newton(*CYLINDER.system(0.4 + 0.1 * part), start).q
+    qd = np.linalg.solve(reduced.phi_q(start), CYLINDER.nu(reach, 0.1))
+    qdd = np.linalg.solve(reduced.phi_q(start), CYLINDER.gamma(start, qd, 0.1))
 
     x, y, angle = start
     along = math.atan2(y, x)
@@ -140,16 +140,16 @@ def test_the_right_sides_of_problem_356_are_its_time_derivatives():
     reach = 0.4 + 0.1 * t
 
     def rate(step):
-        at = me451.problem_356(reach + 0.1 * step, 0.6, 0.25)
+        at = CYLINDER.system(reach + 0.1 * step)
         moved = q + step * qd
-        return at.phi_q(moved) @ (qd + step * qdd) - me451.problem_356_nu(reach + 0.1 * step, 0.1)
+        return at.phi_q(moved) @ (qd + step * qdd) - CYLINDER.nu(reach + 0.1 * step, 0.1)
 
     second = np.imag(rate(e)) / 1e-100
-    gamma = me451.problem_356_gamma(0.25, q, qd, 0.1)
-    phi_t = np.imag(me451.problem_356(reach + 0.1 * e, 0.6, 0.25).phi(q.astype(complex))) / 1e-100
+    gamma = CYLINDER.gamma(q, qd, 0.1)
+    phi_t = np.imag(CYLINDER.system(reach + 0.1 * e).phi(q.astype(complex))) / 1e-100
 
-    assert me451.problem_356(reach, 0.6, 0.25).phi_q(q) @ qdd - gamma == pytest.approx(second, abs=1e-14)
-    assert me451.problem_356_nu(reach, 0.1) == pytest.approx(-phi_t, abs=1e-15)
+    assert CYLINDER.system(reach).phi_q(q) @ qdd - gamma == pytest.approx(second, abs=1e-14)
+    assert CYLINDER.nu(reach, 0.1) == pytest.approx(-phi_t, abs=1e-15)
 
 
 @pytest.mark.parametrize("coordinate", [5, SLIDER_DRIVEN])

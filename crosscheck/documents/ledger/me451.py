@@ -104,7 +104,11 @@ def a5(n: Arithmetic, given: Given) -> Values:
 def _problem_356(n: Arithmetic, given: Given, t: str = "0") -> SquareSystem:
     """Return Problem 3.5.6 at a time, with the row's numbers."""
     reach = n(t) * n(given["speed"]) + n(given["reach"])
-    return me451.problem_356(reach, n(given["ground"]), n(given["link"]))
+    return _lengths(n, given).system(reach)
+
+
+def _lengths(n: Arithmetic, given: Given) -> me451.Problem356:
+    return me451.Problem356(n(given["ground"]), n(given["link"]))
 
 
 def estimate_356(n: Arithmetic) -> Any:
@@ -169,7 +173,7 @@ def _a7_sweep(given: Given) -> Values:
 def a8(n: Arithmetic, given: Given) -> Values:
     """The limits of Problem 3.5.6: folds, where the closed form ends."""
     ground, link = n(given["ground"]), n(given["link"])
-    at_fold = me451.problem_356_fold(ground, link)
+    at_fold = _lengths(n, given).fold()
     times = []
     for start in (["0.8", "0", "-1.5", "0.8", "0", "1", "1"], ["0.4", "0", "1.5", "0.4", "0", "-1", "1"]):
         times.append((n.root(at_fold, n.vector(start))[3] - n(given["reach"])) / n(given["speed"]))
@@ -240,8 +244,8 @@ def a11(n: Arithmetic, given: Given) -> Values:
     system, speed = _problem_356(n, given), n(given["speed"])
     q = n.root(system, estimate_356(n))
     slope = system.phi_q(q)
-    qd = n.solve(slope, me451.problem_356_nu(n(given["reach"]), speed))
-    qdd = n.solve(slope, me451.problem_356_gamma(n(given["link"]), q, qd, speed))
+    qd = n.solve(slope, _lengths(n, given).nu(n(given["reach"]), speed))
+    qdd = n.solve(slope, _lengths(n, given).gamma(q, qd, speed))
     return {"qd": qd, "qdd": qdd}
 
 
@@ -269,7 +273,7 @@ def a12(n: Arithmetic, given: Given) -> Values:
     ]
     results = [newton(*system, q0, **way) for way in ways]
     mechanism = me451.problem_356_mechanism()
-    at_fold = me451.problem_356_fold(n(given["ground"]), n(given["link"]))
+    at_fold = _lengths(n, given).fold()
     regular = newton(*at_fold, n.vector(["0.8", "0.05", "-1.3", "0.8", "0", "1", "1"]))
     errors = np.max(np.abs(regular.iterates - regular.q), axis=1)
     return {
@@ -294,12 +298,12 @@ def a13(n: Arithmetic, given: Given) -> Values:
     system = _problem_356(n, given)
     q = n.root(system, estimate_356(n))
     slope = system.phi_q(q)
-    qd = n.solve(slope, me451.problem_356_nu(n(given["reach"]), n(given["speed"])))
+    qd = n.solve(slope, _lengths(n, given).nu(n(given["reach"]), n(given["speed"])))
     swept, delta, proved = [float(abs(rate)) for rate in qd], 8.0, False
     while delta > 2.0**-40 and not proved:  # each box is held against every time |t| <= delta
         delta /= 2
         reach = arb(0, delta) * n(given["speed"]) + n(given["reach"])
-        whole = me451.problem_356(reach, n(given["ground"]), n(given["link"]))
+        whole = _lengths(n, given).system(reach)
         proved = any(n.proves(whole, q, [f * delta * s for s in swept]) for f in (1.25, 1.5, 2.0, 3.0))
     return {"det phi_q": n.det(slope), "delta": delta}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,70 +55,63 @@ def exponential_and_logarithm(right: Number = 0) -> SquareSystem:
     return SquareSystem(phi, phi_q)
 
 
-def problem_356(reach: Number, ground: Number, link: Number) -> SquareSystem:
-    """Return Problem 3.5.6 in the reduced coordinates q = (x2, y2, phi3).
+class Problem356(NamedTuple):
+    """Problem 3.5.6 by its lengths; `reach`, that of the cylinder, is t/10 + 0.4 there."""
 
-    x2 - ground + link sin(phi3) = 0, y2 - link cos(phi3) = 0, x2^2 + y2^2 - reach^2 = 0
+    ground: Number
+    link: Number
 
-    Parameters
-    ----------
-    reach, ground, link : number
-        Lengths; `reach` is t/10 + 0.4 there.
-    """
+    def system(self, reach: Number) -> SquareSystem:
+        """Return the equations in the reduced coordinates q = (x2, y2, phi3).
 
-    def phi(q: Any) -> Any:
-        x, y, angle = q
-        return np.array([x - ground + link * np.sin(angle), y - link * np.cos(angle), x * x + y * y - reach * reach])
+        x2 - ground + link sin(phi3) = 0, y2 - link cos(phi3) = 0, x2^2 + y2^2 - reach^2 = 0
+        """
+        ground, link = self
 
-    def phi_q(q: Any) -> Any:
-        x, y, angle = q
-        return np.array([[1, 0, link * np.cos(angle)], [0, 1, link * np.sin(angle)], [2 * x, 2 * y, 0]])
+        def phi(q: Any) -> Any:
+            x, y, angle = q
+            square = x * x + y * y - reach * reach
+            return np.array([x - ground + link * np.sin(angle), y - link * np.cos(angle), square])
 
-    return SquareSystem(phi, phi_q)
+        def phi_q(q: Any) -> Any:
+            x, y, angle = q
+            return np.array([[1, 0, link * np.cos(angle)], [0, 1, link * np.sin(angle)], [2 * x, 2 * y, 0]])
 
+        return SquareSystem(phi, phi_q)
 
-def problem_356_nu(reach: Number, speed: Number) -> Any:
-    """Return nu = -phi_t of Problem 3.5.6; `speed` is the rate of `reach`."""
-    return np.array([0, 0, 2 * reach * speed])
+    def nu(self, reach: Number, speed: Number) -> Any:
+        """Return nu = -phi_t; `speed` is the rate of `reach`."""
+        return np.array([0, 0, 2 * reach * speed])
 
+    def gamma(self, q: Any, qd: Any, speed: Number) -> Any:
+        """Return gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt at a constant speed, for q and qd (3,)."""
+        turning = self.link * qd[2] * qd[2]
+        last = 2 * speed * speed - 2 * (qd[0] * qd[0] + qd[1] * qd[1])
+        return np.array([turning * np.sin(q[2]), -turning * np.cos(q[2]), last])
 
-def problem_356_gamma(link: Number, q: Any, qd: Any, speed: Number) -> Any:
-    """Return gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt of Problem 3.5.6 at a constant speed.
+    def fold(self) -> SquareSystem:
+        """Return the equations of the pose at which it folds, in (x2, y2, phi3, reach, v1, v2, v3).
 
-    Parameters
-    ----------
-    link, q, qd
-    speed : number
-        The rate of the reach.
-    """
-    turning = link * qd[2] * qd[2]
-    last = 2 * speed * speed - 2 * (qd[0] * qd[0] + qd[1] * qd[1])
-    return np.array([turning * np.sin(q[2]), -turning * np.cos(q[2]), last])
+        phi(q, reach) = 0, phi_q v = 0, v3 = 1: regular where phi_q alone is singular (Moore and Spence, SIAM J. Numer.
+        Anal. 17, 1980).
+        """
 
+        def phi(z: Any) -> Any:
+            pose = self.system(z[3])
+            return np.concatenate([pose.phi(z[:3]), pose.phi_q(z[:3]) @ z[4:], [z[6] - 1]])
 
-def problem_356_fold(ground: Number, link: Number) -> SquareSystem:
-    """Return the equations of the pose at which Problem 3.5.6 folds, in (x2, y2, phi3, reach, v1, v2, v3).
+        def phi_q(z: Any) -> Any:
+            _, _, angle, reach, *v = z
+            slope = self.system(reach).phi_q(z[:3])
+            out = np.zeros((7, 7), slope.dtype)
+            out[:3, :3], out[3:6, 4:] = slope, slope
+            out[2, 3] = -2 * reach
+            out[3, 2], out[4, 2] = -self.link * np.sin(angle) * v[2], self.link * np.cos(angle) * v[2]
+            out[5, 0], out[5, 1] = 2 * v[0], 2 * v[1]
+            out[6, 6] = 1
+            return out
 
-    phi(q, reach) = 0, phi_q v = 0, v3 = 1: regular where phi_q alone is singular (Moore and Spence, SIAM J. Numer.
-    Anal. 17, 1980).
-    """
-
-    def phi(z: Any) -> Any:
-        pose = problem_356(z[3], ground, link)
-        return np.concatenate([pose.phi(z[:3]), pose.phi_q(z[:3]) @ z[4:], [z[6] - 1]])
-
-    def phi_q(z: Any) -> Any:
-        _, _, angle, reach, *v = z
-        slope = problem_356(reach, ground, link).phi_q(z[:3])
-        out = np.zeros((7, 7), slope.dtype)
-        out[:3, :3], out[3:6, 4:] = slope, slope
-        out[2, 3] = -2 * reach
-        out[3, 2], out[4, 2] = -link * np.sin(angle) * v[2], link * np.cos(angle) * v[2]
-        out[5, 0], out[5, 1] = 2 * v[0], 2 * v[1]
-        out[6, 6] = 1
-        return out
-
-    return SquareSystem(phi, phi_q)
+        return SquareSystem(phi, phi_q)
 
 
 def problem_356_mechanism(ground: float = 0.6, link: float = 0.25) -> Mechanism:
