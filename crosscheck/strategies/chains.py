@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
-from crosscheck.strategies.laws import draw_law, moved
+from crosscheck.strategies.laws import motion_laws, moved
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, sizes
 from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, AngleDriver
@@ -78,7 +78,7 @@ def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float 
     first = draw(ANGLES, label="first angle")
     last = first + draw(SIGNS, label="sense") * draw(st.just(math.tau) | st.floats(0.75, 12.5), label="turned")
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
-    law = draw_law(draw, first, last, duration, False)
+    law = draw(motion_laws(first=first, last=last, duration=duration))
     times = tuple(np.linspace(0.0, duration, samples).tolist())
     start = plan.poses(float(law(0.0)))
     frames = _draw_frames(draw, tuple(start), size)

@@ -61,16 +61,6 @@ def motion_laws(draw: DrawFn, *, first: float, last: float, duration: float, mon
     monotone : bool
         Whether its rate is nowhere 0.
     """
-    return draw_law(draw, first, last, duration, monotone)
-
-
-def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone: bool) -> Law:
-    """Draw what `motion_laws` says.
-
-    Parameters
-    ----------
-    draw, first, last, duration, monotone
-    """
     kind = draw(KINDS, label="law")
     as_rate = draw(st.booleans(), label="given as a rate")
     if kind is LawKind.POLYNOMIAL:

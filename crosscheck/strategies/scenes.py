@@ -11,7 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.laws import WIDEST, InputDriver, crank_drive, draw_law, slider_drive
+from crosscheck.strategies.laws import WIDEST, InputDriver, crank_drive, motion_laws, slider_drive
 from crosscheck.strategies.linkages import (
     AnyLinkage,
     Decades,
@@ -201,7 +201,8 @@ def _draw_motion(
 ) -> tuple[Law, list[float]]:
     """Draw a law of what the drive holds, and the times: from 0 on, or from a part of the duration."""
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
-    law = draw_law(draw, drive.to(span[0]), drive.to(span[1]), duration, monotone)
+    first, last = map(drive.to, span)
+    law = draw(motion_laws(first=first, last=last, duration=duration, monotone=monotone))
     start = 0.0 if monotone else draw(STARTS, label="part before the first time")
     return law, np.linspace(start * duration, duration, samples).tolist()
 

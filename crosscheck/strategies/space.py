@@ -14,7 +14,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.laws import draw_law
+from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, sizes
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, turn
@@ -75,7 +75,8 @@ def _spatial(
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind][0](draw, region, 1.0 if branch is Branch.OPEN else -1.0, decades)
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
-    law = draw_law(draw, *plan.span, duration, monotone=True)
+    first, last = plan.span
+    law = draw(motion_laws(first=first, last=last, duration=duration, monotone=True))
     times = tuple(np.linspace(0.0, duration, samples).tolist())
     scene = _scene(draw, plan, law, size, times, f"{kind} {branch}, {plan.region}")
     return Spatial(scene, kind, branch, plan.room, plan.region)
