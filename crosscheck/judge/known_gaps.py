@@ -246,15 +246,3 @@ def finding_of(known: Sequence[Finding], row: Mapping[str, Any]) -> Finding | No
     """Return the finding that explains a row of the table, if there is one."""
     who = tuple(row[key] for key in ("engine", "method", "verdict"))
     return next((f for f in known if (f.engine, f.method, f.verdict) == who and row["case"] in f.cases), None)
-
-
-def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[tuple[Finding, str]]:
-    """Return the findings, each with a case, that the table shows no more although the engine was asked."""
-    asked = {(row["engine"], row["method"], row["case"]) for row in rows}
-    shown = {(row["engine"], row["method"], row["case"], row["verdict"]) for row in rows}
-    return [
-        (f, case)
-        for f in known
-        for case in f.cases
-        if (f.engine, f.method, case) in asked and (f.engine, f.method, case, f.verdict) not in shown
-    ]

@@ -36,8 +36,6 @@ class PriceRow:
         How far the median round lies above the least, as a part of it; None if it was timed once.
     microseconds_to_build : float or None
         What it takes to build the model of one cycle, once.
-    newton_by : str
-        Who ran Newton.
     """
 
     engine: str
@@ -76,9 +74,7 @@ class EffectRow:
         Whether nothing else changes: no bit in refkin, nothing beyond the allowed error in an engine, no status. None
         if that is not known: the engine has no such effect, or no answer without it either.
     largest_change : float or None
-        The largest relative change of what both answers have; None if there are no two answers.
-    worst : str
-        Where that is.
+        The largest relative change of what both answers have, `worst` where; None if there are no two answers.
     called_for : bool
         Whether a kinematic scene may call for it; the others are switched on behind its back.
     note : str

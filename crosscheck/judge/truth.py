@@ -49,7 +49,8 @@ class CertifiedTruth:
         self.bodies = [body.name for body in scene.mechanism.bodies]
         self._rows = np.concatenate([np.r_[self.ref.system.columns(body)] for body in scene.wanted])
         levels = attainable_levels(self.ref, self.known)
-        self.attainable = {QUANTITIES[k]: self._fewest(*level, k) for k, level in enumerate(levels)}
+        parts = [np.max(a[self._rows], axis=0) / scales(x[self._rows], k) for k, (a, x) in enumerate(levels)]
+        self.attainable = dict(zip(QUANTITIES, map(_digits, parts), strict=False))
 
     def digits(self, level: Any, order: int, before: Sequence[Any] = ()) -> tuple[float | None, str]:
         """Return the fewest digits of a level (width * bodies, T) over the times, and what is to be said of them.
@@ -74,9 +75,6 @@ class CertifiedTruth:
         known, off = (radius[at] / scale)[k], (every[at] / scale)[k]
         return _digits(worst), f"truth proved to {_digits(known):.1f} digits there" if known > off else ""
 
-    def _fewest(self, allowed: Any, level: Any, order: int) -> float:
-        return _digits(np.max(allowed[self._rows], axis=0) / scales(level[self._rows], order))
-
 
 def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     """Return the attainable error of position, velocity, acceleration, and these themselves; (n, B), scaled.
@@ -96,11 +94,8 @@ def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
 
 def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any]:
     """Return how far half an ulp of every given number moves phi_q qd - nu and phi_q qdd - gamma, (m, B) each."""
-    moved, times, samples = (
-        bounded_system(system, error=HALF_ULP),
-        Times(t, 3),
-        len(t),
-    )  # by order 3 the time in order 2
+    moved, samples = bounded_system(system, error=HALF_ULP), len(t)
+    times = Times(t, 3)  # by order 3 the time in order 2
     pose, rate, bend = box(q), box(qd), box(qdd)
     slope = moved.phi_q(pose, times)
     at_rate = slope @ rate - moved.nu(pose, times)

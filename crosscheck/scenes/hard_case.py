@@ -28,26 +28,23 @@ UP, DOWN = (0.0, 1.0), (0.0, -1.0)
 
 
 def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) -> Revolute:
-    """Return a revolute joint; on body j it is at the origin by default.
+    """Return a revolute joint, by its place in the frame of each body [m]; on body j it is at the origin by default.
 
     Parameters
     ----------
     name, i, j : str
     point_i, point_j : (x, y)
-        Of the bodies, each in its frame [m].
     """
     return Revolute(name=name, **ends(i, point_i, j, point_j))
 
 
 def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dict[str, Any]:
-    """Return the keys of the two points of a joint; that on j is its origin by default.
+    """Return the keys of the two points of a joint, each in its body's frame [m]; that on j is its origin by default.
 
     Parameters
     ----------
     i, j : str
-        Bodies.
     p, q : tuple of float
-        Points of the bodies, each in its frame [m].
     """
     return {"body_i": i, "point_i": p, "body_j": j, "point_j": q or (0.0,) * len(p)}
 
@@ -58,11 +55,8 @@ class HardCase:
 
     Attributes
     ----------
-    case : str
-        What makes it hard.
-    distance : float or None
-        How near it comes to that, in the unit of its kind; None where there is no such number.
-    scene : Scene
+    case, distance : str, float or None
+        What makes it hard, and how near it comes to that, in the unit of its kind, where there is such a number.
     poses : callable
         Time -> bodies' coordinates near the right ones (metres, rad), None where there are none or any will do.
     any_assembly : bool

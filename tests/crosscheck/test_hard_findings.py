@@ -20,7 +20,7 @@ from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import DOCUMENTED
 from crosscheck.judge.hard_poses import HardOutcome, samples, scene_truths
-from crosscheck.judge.known_gaps import InvalidGap, closed, finding_of, read_findings
+from crosscheck.judge.known_gaps import InvalidGap, finding_of, read_findings
 from crosscheck.measure.hard_table import BAD, classed, listed, outcome_of, unexplained
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
@@ -207,14 +207,6 @@ def test_the_quotations_of_mujoco_stand_in_its_documentation():
 
 def row(verdict: str, kind: str | None = None) -> dict[str, object]:
     return {"engine": "exudyn", "method": "shipped", "case": "toggle", "verdict": verdict, "class": kind}
-
-
-def test_a_finding_that_shows_no_more_is_closed():
-    (finding,) = read_findings(ROW)
-
-    assert closed([finding], [row("correct")]) == [(finding, "toggle")]
-    assert closed([finding], [row("correct"), row("wrong")]) == []
-    assert closed([finding], []) == []
 
 
 def test_what_is_wrong_and_has_no_class_is_unexplained():

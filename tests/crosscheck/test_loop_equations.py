@@ -32,7 +32,7 @@ def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
     """Return mechanisms as vectors, and the same equations at one time as the documents write them out, if they do."""
     given = float(LAW(AT))
     coupled = metu.Slotted(0.3, 0.25, 0.9, 0.6, -0.5, 0.4, given)
-    bar = me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0)
+    bar = me581.FourBarLengths(4.0, 1.0, 3.5, 3.0)
     return [
         ("four-bar", loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW), me581.four_bar(bar, given)),
         ("slider-crank", loops.slider_crank(0.2, 0.35, 0.1, LAW), shabana.CrankAndRod(0.2, 0.35).system(0.1, given)),
@@ -200,10 +200,9 @@ def test_new_estimates_are_taken_where_the_slope_vanishes():
 def test_branches_are_told_apart_by_their_jacobians():
     """Jacobians of one branch are connected by regular matrices; those of the two assemblies are not."""
     poses = [
-        newton(*me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0), 0.7), q).q
-        for q in ([0.6, 1.5], [-1.2, -2.2])
+        newton(*me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0), 0.7), q).q for q in ([0.6, 1.5], [-1.2, -2.2])
     ]
-    slopes = [me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0), 0.7).phi_q(q) for q in poses]
+    slopes = [me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0), 0.7).phi_q(q) for q in poses]
     inverses = np.linalg.inv(slopes)
     assert connected(inverses, np.array(slopes)).all(), "a pose is not connected with itself"
     assert not connected(inverses, np.array(slopes[::-1])).any(), "the two assemblies are connected"

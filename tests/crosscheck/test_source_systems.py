@@ -22,7 +22,7 @@ LINKS, CYLINDER = CrankAndRod(0.2, 0.35), me451.Problem356(0.6, 0.25)
 
 def square_systems():
     """Return the systems of the documents, each with a place at which nothing vanishes."""
-    bar = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.3)
+    bar = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0)
     slotted = metu.Slotted(0.3, 0.25, 0.9, 0.6, -0.5, 0.4, 0.7)
     drive = metu.Rapier(-6.0, -3.0, -5.0, -2.5, -6.0, 2.5, 12.0, 3.5, 6.0, 11.0)
     coordinates = np.linspace(-0.7, 1.3, 12)
@@ -49,7 +49,7 @@ def square_systems():
     ]
 
 
-NOTES = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.0)
+NOTES = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0)
 SLOTTED, CLOSED = metu.slotted_that_closes(0.25, 0.9, 0.6, *(math.radians(a) for a in (50.0, 70.0, 20.0)), 0.5)
 OFF = np.array([0.05, -0.05, 0.05, 0.05])
 SYSTEMS = square_systems()

@@ -46,9 +46,8 @@ def c3(n: Arithmetic, given: Given) -> Values:
 
 
 def lengths(n: Arithmetic, given: Given) -> me581.FourBarLengths:
-    """Return the row's lengths, the ground link along x."""
-    r1, r2, r3, r4 = (n(r) for r in given["r"])
-    return me581.FourBarLengths(r1, r2, r3, r4, n("0"))
+    """Return the row's lengths."""
+    return me581.FourBarLengths(*(n(r) for r in given["r"]))
 
 
 def four_bar(n: Arithmetic, given: Given) -> SquareSystem:

@@ -201,8 +201,7 @@ def b4(n: Arithmetic, given: Given) -> Values:
 
 def _cycle(given: Given, step: int) -> list[NewtonResult]:
     """Return a four-bar over a turn in steps of so many degrees, each pose the guess of the next."""
-    r1, r2, r3, r4 = (float(r) for r in given["r"])
-    lengths = me581.FourBarLengths(r1, r2, r3, r4, 0.0)
+    lengths = me581.FourBarLengths(*(float(r) for r in given["r"]))
     q, results = np.array([float(x) for x in given["estimate"]]), []
     for degrees in range(0, 361, step):
         results.append(newton(*me581.four_bar(lengths, math.radians(degrees)), q, max_iterations=200))

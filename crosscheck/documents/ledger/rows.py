@@ -93,9 +93,8 @@ class _StrictRow:
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
 
-Leaf = str | int | bool
 Tree = Any
-"""A leaf, or a list of trees."""
+"""A text, a whole number, yes or no, or a list of trees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +127,6 @@ class Erratum(_StrictRow):
         "wrong" or "truncated": the numbers `at`; "formula", "claim": shown by the quantity `shown_by`; "notation".
     at : tuple of str
         Which printed numbers, such as "f'[1]" or "q[2][0]".
-    cause : str
     explained_by : tuple of str
         One for each of `at`: the number that stands there instead, which the document took for the right one.
     shown_by : str

@@ -15,19 +15,18 @@ def quadratic() -> SquareSystem:
 
 
 class FourBarLengths(NamedTuple):
-    """r1 ... r4 in one unit: ground, crank, coupler, rocker; theta1 [rad] is the angle of the ground link."""
+    """r1 ... r4 in one unit: ground, which lies along x, crank, coupler, rocker."""
 
     r1: Number
     r2: Number
     r3: Number
     r4: Number
-    theta1: Number
 
 
 def four_bar(m: FourBarLengths, theta2: Number) -> SquareSystem:
     """Return the closure of the four-bar in q = (theta3, theta4) for a crank angle theta2.
 
-    r2 cos theta2 + r3 cos theta3 - r4 cos theta4 - r1 cos theta1 = 0, and the same with sines
+    r2 cos theta2 + r3 cos theta3 - r4 cos theta4 - r1 = 0, and with sines the same without r1
     """
     free = _closure(m)
 
@@ -57,8 +56,8 @@ def _closure(m: FourBarLengths) -> Any:
     def phi(theta2: Number, theta3: Number, theta4: Number) -> Any:
         return np.array(
             [
-                m.r2 * np.cos(theta2) + m.r3 * np.cos(theta3) - m.r4 * np.cos(theta4) - m.r1 * np.cos(m.theta1),
-                m.r2 * np.sin(theta2) + m.r3 * np.sin(theta3) - m.r4 * np.sin(theta4) - m.r1 * np.sin(m.theta1),
+                m.r2 * np.cos(theta2) + m.r3 * np.cos(theta3) - m.r4 * np.cos(theta4) - m.r1,
+                m.r2 * np.sin(theta2) + m.r3 * np.sin(theta3) - m.r4 * np.sin(theta4),
             ]
         )
 
