@@ -120,13 +120,8 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
 def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     """Print columns of numbers as a table, as wide as it is where standard output is no terminal; return if it has any.
 
-    Parameters
-    ----------
-    columns : mapping
-        Header -> values, (T,) each.
-    first : int
-        How many columns say which row it is. Rows that hold no number beyond those share one row while the last of
-        those columns, their status, stays the same.
+    Values are (T,) each, by header. Rows that hold no number beyond so many columns at `first`, which say which row it
+    is, share one row while the last of those, their status, stays the same.
     """
 
     def numbers(row: Sequence[Any]) -> bool:

@@ -81,16 +81,10 @@ def decades_of(sigma: Any) -> list[int | None]:
 class QuantityComparison:
     """One quantity of a comparison, per time; NaN where it was not compared.
 
-    Attributes
-    ----------
-    error, ratio, digits : (T,) array
-        Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to size (position)
-        or to the largest component at that time (velocity, acceleration).
-    worst : At or None
-        The sample of the largest ratio: coordinate and time.
-    difference : (n, T) array or None
-        The answer minus the reference, signed, in the reference's scaled coordinates of bodies and their order; NaN for
-        bodies that the answer has not.
+    The largest `error` is in scaled coordinates, the largest `ratio` that to what is allowed, at `worst`; `digits` are
+    -log10 of the error relative to size (position) or to the largest component at that time (velocity, acceleration).
+    `difference` (n, T) is the answer minus the reference, signed, in the reference's scaled coordinates of bodies and
+    their order; NaN for bodies that the answer has not.
     """
 
     error: Any

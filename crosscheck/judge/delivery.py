@@ -290,12 +290,7 @@ def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] |
 def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:
     """Return (time, sigma_min) of a certified pose as near to singular as `enough`, or None if none is found.
 
-    Parameters
-    ----------
-    scene : Scene
-        Solved by the reference, every time of it ok.
-    enough : float
-        The largest sigma_min, of the scaled phi_q, that counts.
+    The reference has solved the scene, every time of it ok.
     """
     scene = replace(scene, effects=frozenset(), evidence=frozenset({Evidence.CONDITION}))
     parts = [replace(scene, times=tuple(sorted({*scene.times, *_within(scene.times, FIRST)})))]

@@ -203,20 +203,10 @@ def new_disagreements(record: Record, gaps: Sequence[KnownGap]) -> list[Disagree
 class Finding(Strict):
     """One finding.
 
-    Attributes
-    ----------
-    engine, method, verdict : str
-        Whose answers, and what they are classed as.
-    cases : tuple of str
-        The kinds of hard scenes that show it; none for a feature, which a night asks by itself.
-    kind : str
-        Under `class` in the file: whose fault it is.
-    quote, source : str
-        What the engine's documentation says, word for word, and where.
-    reason, since : str
-        What happens, and which versions show it.
-    scene, script : str
-        A minimal scene, and a script in the engine's own API, from the root of the project; one of them may be "".
+    The `cases` are the kinds of hard scenes that show it; there are none for a feature, which a night asks by itself.
+    `kind`, in the file `class`, is whose fault it is; `quote` and `source` are what the engine's documentation says,
+    word for word, and where, `reason` and `since` what happens, and in which versions. It is shown by a minimal `scene`
+    or a `script` in the engine's own API, from the root of the project; one of them may be "".
     """
 
     engine: Text

@@ -24,18 +24,10 @@ LOOSER = 1.0
 class PriceRow:
     """One method at one setting, for one quantity: over one cycle, for `_one` pose now, in `_bulk`.
 
-    Attributes
-    ----------
-    digits, digits_one, digits_bulk : float or None
-        The fewest over the times; None where a time has no answer.
-    digits_attainable : float or None
-        What half an ulp of the scene's own numbers leaves, over one cycle.
-    microseconds, microseconds_one, microseconds_bulk : float or None
-        What one configuration costs up to this quantity; None if it was not measured.
-    spread, spread_one, spread_bulk : float or None
-        How far the median round lies above the least, as a part of it; None if it was timed once.
-    microseconds_to_build : float or None
-        What it takes to build the model of one cycle, once.
+    `digits` are the fewest over the times, None where a time has no answer; `digits_attainable` what half an ulp of the
+    scene's own numbers leaves, over one cycle. `microseconds` is what one configuration costs up to this quantity, None
+    if it was not measured, and `spread` how far the median round lies above the least, as a part of it, None if it was
+    timed once. To build the model of one cycle, once, takes `microseconds_to_build`.
     """
 
     engine: str
@@ -61,24 +53,13 @@ class PriceRow:
 class EffectRow:
     """What one effect costs in one engine by one method, and whether it changes anything.
 
-    Attributes
-    ----------
-    microseconds : float or None
-        What it adds per configuration, negative by noise alone; None if it could not be measured.
-    without : float or None
-        What a configuration costs without it [microseconds].
-    spread : float or None
-        How far apart that number is taken from different rounds [microseconds]: what is no larger is noise. It is never
-        less than what an effect seems to save. None without a price.
-    inert : bool or None
-        Whether nothing else changes: no bit in refkin, nothing beyond the allowed error in an engine, no status. None
-        if that is not known: the engine has no such effect, or no answer without it either.
-    largest_change : float or None
-        The largest relative change of what both answers have, `worst` where; None if there are no two answers.
-    called_for : bool
-        Whether a kinematic scene may call for it; the others are switched on behind its back.
-    note : str
-        What was switched on, and why there is no number where there is none.
+    `microseconds` is what it adds per configuration, negative by noise alone, `without` what one costs without it, and
+    `spread` how far apart the first is taken from different rounds [microseconds]: what is no larger is noise. It is
+    never less than what an effect seems to save. It is `inert` if nothing else changes: no bit in refkin, nothing
+    beyond the allowed error in an engine, no status. `largest_change` is the largest relative one of what both answers
+    have, `worst` where. None is what could not be measured, or is not known: the engine has no such effect, or no
+    answer without it either. What is not `called_for` by any kinematic scene is switched on behind its back. `note`
+    says what was switched on, and why there is no number where there is none.
     """
 
     engine: str

@@ -178,15 +178,10 @@ class Common(Strict):
 class ReferenceRow(Strict):
     """What the reference says of a scene; `sigma_min` is the smallest over its times.
 
-    Attributes
-    ----------
-    sigma_per_step : float or None
-        The smallest sigma_min of a step over what a coordinate changes by in it.
-    sharpness : dict
-        Of some scenes, by quantity: the largest component of what is allowed over that of the sensitivity to the input,
-        and the smallest of any component, at one time (`crosscheck.judge.samples`).
-    excuse : (time, sigma_min) or None
-        A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
+    `sigma_per_step` is the smallest sigma_min of a step over what a coordinate changes by in it, `excuse` (time,
+    sigma_min) a nearly singular pose that excused an engine for giving no answer. `sharpness` has of some scenes, by
+    quantity, the largest component of what is allowed over that of the sensitivity to the input, and the smallest of
+    any component, at one time (`crosscheck.judge.samples`).
     """
 
     verdict: str

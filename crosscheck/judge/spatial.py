@@ -163,12 +163,8 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
 def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[list[Array]]:
     """Return half the angle of every screw, turns counted, and its rates, (T,) each: coordinates of the equations.
 
-    A joint has one of them, however many of its elements are screws.
-
-    Parameters
-    ----------
-    levels : sequence of (7 n, T) array
-        Position, velocity, acceleration of all bodies [m].
+    A joint has one of them, however many of its elements are screws. Levels are position, velocity and acceleration of
+    all bodies, (7 n, T) each [m].
     """
     numbers = _numbers(mechanism, SI)
     at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}

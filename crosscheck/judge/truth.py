@@ -79,10 +79,7 @@ class CertifiedTruth:
 def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     """Return the attainable error of position, velocity, acceleration, and these themselves; (n, B), scaled.
 
-    Parameters
-    ----------
-    known : (T,) array of bool
-        The B times that are asked for: some at which the reference is ok.
+    The B times are those `known`, (T,) of bool: some at which the reference is ok.
     """
     samples = np.isin(np.flatnonzero(times_with(ref.motion, Status.OK)), np.flatnonzero(known))
     system, t, carry = ref.system, ref.motion.t[known], ref.propagation

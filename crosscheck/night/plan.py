@@ -155,24 +155,12 @@ class NightPlan:
 class NightOutcome(Strict):
     """How a night ended.
 
-    Attributes
-    ----------
-    versions, engines : dict
-        Name of each engine that is there -> version, and what `crosscheck.engines.load` takes for it.
-    missing : dict
-        What was asked for and cannot be loaded -> why.
-    checked : int
-        Scenes with a record, those of an earlier part of a resumed run included.
-    failed : list of str
-        What went wrong with the run itself.
-    new, known : list of NewCase, int
-        Disagreements that no known gap accounts for; how many others there are.
-    gaps, possibly_closed : list of KnownGap, list of (KnownGap, int)
-        The table that the night was held against, and those of it that did not show in so many scenes of their kind.
-    required : list of str
-        What the night could not do without: the required engines, or all if not one was there.
-    found_again : list of (KnownGap, int or None)
-        Where another table than our own was chosen: every row of our own, and after how many scenes it showed.
+    Each engine that is there has its version and, in `engines`, what `crosscheck.engines.load` takes for it; `missing`
+    says of others why they cannot be loaded, `required` without which the night could not do: the required engines, or
+    all if not one was there. `checked` counts scenes with a record, those of an earlier part of a resumed run included;
+    what went wrong with the run itself `failed`. Of the disagreements those are `new` that no known gap accounts for.
+    The `gaps` are those that the night was held against, `possibly_closed` those that did not show in so many scenes of
+    their kind; `found_again`, with another table than our own, are all of our own, and after how many scenes each was.
     """
 
     versions: dict[str, str]

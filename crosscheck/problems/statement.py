@@ -118,16 +118,10 @@ SIDES = {1: "left", -1: "right", 0: "flat"}
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of the set.
+    """A problem of the set; its name is made of family, number and assembly.
 
-    Attributes
-    ----------
-    name : str
-        Family, number and assembly.
-    assembly : str
-        "open" or "crossed" of a linkage; on which side each dyad's inner joint lies; or a number, in order of size.
-    others : tuple of dict
-        Per time, name of another assembly -> its coordinates in metres and radians (float64), as far as it goes.
+    The assembly is "open" or "crossed" of a linkage, on which side each dyad's inner joint lies, or a number, in order
+    of size. `others` has, per time and by name, those of other assemblies in metres and radians, as far as each goes.
     """
 
     name: str

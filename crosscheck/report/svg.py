@@ -52,16 +52,9 @@ def power_of_ten(exponent: int) -> str:
 
 @dataclass
 class Plot:
-    """One panel with a linear scale in both directions.
+    """One panel with a linear scale in both directions: x and y from low to high, y upwards.
 
-    Parameters
-    ----------
-    ident : str
-        Unique on the page.
-    x, y : (low, high)
-        The ranges; y grows upwards.
-    role : str
-        "img" for a picture, "group" for one whose marks are read one by one.
+    `ident` is unique on the page; the role is "img" for a picture, "group" for one whose marks are read one by one.
     """
 
     ident: str

@@ -51,21 +51,12 @@ def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dic
 
 @dataclass(frozen=True)
 class HardCase:
-    """A hard scene.
+    """A hard scene; `case` is what makes it hard, `distance` how near it comes to that, if there is such a number.
 
-    Attributes
-    ----------
-    case, distance : str, float or None
-        What makes it hard, and how near it comes to that, in the unit of its kind, where there is such a number.
-    poses : callable
-        Time -> bodies' coordinates near the right ones (metres, rad), None where there are none or any will do.
-    any_assembly : bool
-        Whether every assembly is a right answer: nothing says which one is meant.
-    every : callable, optional
-        Time -> all assemblies there, where closed form has them in space; else they are searched for.
-    exact : bool
-        Whether `poses` are right to a few roundings, and so say which branch is meant; else the branch is the one of
-        the first time, also where the other one is too near to be told from it in float64.
+    At a time `poses` has bodies' coordinates near the right ones (metres, rad), None where there are none or any will
+    do: of `any_assembly` nothing says which one is meant. If they are `exact`, right to a few roundings, they say which
+    branch is; else it is the one of the first time, also where the other one is too near to be told from it in float64.
+    `every` has all assemblies, where closed form has them in space; else they are searched for.
     """
 
     case: str

@@ -32,20 +32,10 @@ class LinkageModel:
 class Variant:
     """What is changed in a linkage's own joints and frames; `apply` changes it.
 
-    Attributes
-    ----------
-    massless : str
-        The link that a distance joint replaces.
-    sliding : str
-        "no slider": the rod's end by point_on_line; "block": the crank pin in a block on the lever; "" as it is.
-    carrier, bracket : str, Frame
-        The body that carries one more, fixed to it, and where.
-    frames : mapping
-        Body -> its new frame.
-    stretch : float
-        Length of the axes of prismatic and point_on_line joints.
-    swapped : frozenset of str
-        Joints whose bodies i and j are exchanged.
+    A distance joint replaces the link `massless`, point_on_line a slider ("no slider"), or the crank's pin is in a
+    block on the lever ("block"); the body `carrier` has one more fixed to it, at `bracket`. `frames` are bodies' new
+    frames, `stretch` is the length of the axes of prismatic and point_on_line joints, and joints that are `swapped`
+    have their bodies i and j exchanged.
     """
 
     massless: str = ""

@@ -49,16 +49,9 @@ class ClusterWorkers(Pool):
 
     NoCluster if there is no such cluster, or one of its workers has other engines; and from `results`, if it is lost.
 
-    Parameters
-    ----------
-    work, engines, seconds
-        As for `crosscheck.workers.pool.Workers`.
-    address : str
-        "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786.
-    count : int
-        How many workers a local cluster has; those of another are counted.
-    versions : mapping
-        Name of each engine -> the version that every worker must have.
+    The address is "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786,
+    whose workers are counted. Each of them must have these versions of the engines. The rest is as for
+    `crosscheck.workers.pool.Workers`.
     """
 
     def __init__(

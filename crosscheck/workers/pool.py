@@ -132,17 +132,8 @@ class Pool(ABC):
 class Workers(Pool):
     """Some worker processes; use it as a context manager.
 
-    Failures that were none when their jobs were taken apart are `unexplained`.
-
-    Parameters
-    ----------
-    work : Work
-    count : int
-        How many processes.
-    engines : mapping
-        Name of each engine -> what `crosscheck.engines.load` takes for it.
-    seconds : float
-        After this long on one job a process is ended.
+    By their names `engines` are what `crosscheck.engines.load` takes. After so many seconds on one job a process is
+    ended. Failures that were none when their jobs were taken apart are `unexplained`.
     """
 
     def __init__(self, work: Work, count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> None:

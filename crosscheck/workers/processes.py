@@ -104,12 +104,8 @@ class Child:
     Results come in through `pipe`, which ends when the process does; the next one has time until `deadline`, by
     `time.monotonic`.
 
-    Parameters
-    ----------
-    function : callable
-        Importable; called with one argument at a time.
-    prepare : callable, optional
-        Importable; called with the first of some arguments before its time begins. What it raises is the result of all.
+    The function, importable, is called with one argument at a time; before, and before its time begins, `prepare` with
+    the first of some arguments. What that raises is the result of all.
     """
 
     def __init__(self, function: Callable[[Any], Any], prepare: Callable[[Any], None] | None = None) -> None:

@@ -101,14 +101,9 @@ Tree = Any
 class Value(_StrictRow):
     """One quantity of a row, as the computation names it.
 
-    Attributes
-    ----------
-    truth : tree of leaves
-        A decimal number to all digits that are known (as text), a whole number, yes or no, or a word.
-    printed : tree of text
-        What the document prints, where it prints something; "" where it does not.
-    between : pair of text
-        Instead of a truth, for what depends on rounding: two numbers it lies between.
+    Leaves of `truth` are decimal numbers to all digits that are known (as text), whole numbers, yes or no, or words,
+    those of `printed` what the document prints, "" where it prints nothing. What depends on rounding has no truth, but
+    lies `between` two numbers.
     """
 
     name: str
@@ -121,20 +116,10 @@ class Value(_StrictRow):
 class Erratum(_StrictRow):
     """What is wrong in a document.
 
-    Attributes
-    ----------
-    kind : str
-        "wrong" or "truncated": the numbers `at`; "formula", "claim": shown by the quantity `shown_by`; "notation".
-    at : tuple of str
-        Which printed numbers, such as "f'[1]" or "q[2][0]".
-    explained_by : tuple of str
-        One for each of `at`: the number that stands there instead, which the document took for the right one.
-    shown_by : str
-        The quantity of the row that shows a formula or a claim to be wrong.
-    counts : int
-        How many of the errata of the documents this is; 0 for a remark.
-    reading : str
-        Set if the page may have been read wrongly: what it may say instead.
+    The printed numbers `at`, such as "f'[1]" or "q[2][0]", are "wrong" or "truncated"; for each of them `explained_by`
+    may have the number that stands there instead, which the document took for the right one. The row's quantity
+    `shown_by` shows a "formula" or a "claim" to be wrong. `counts` is how many of the errata of the documents this is,
+    0 for a remark; `reading` is set if the page may have been read wrongly: what it may say instead.
     """
 
     kind: Literal["wrong", "truncated", "formula", "claim", "notation"]
@@ -150,16 +135,9 @@ class Erratum(_StrictRow):
 class LedgerRow(_StrictRow):
     """One system, algorithm or printed number of the source documents.
 
-    Attributes
-    ----------
-    computation : str
-        module:function of this package that recomputes it in binary64 and on balls.
-    also : tuple of str
-        Functions that recompute it by other parts of the project.
-    inferred : str
-        What the document does not fix, because a figure or a number is lost, and how it is read here.
-    open : str
-        What cannot be checked yet, and why; such a row is never called passed.
+    `computation` is the module:function of this package that recomputes it in binary64 and on balls, `also` are some
+    that do by other parts of the project. `inferred` says what the document does not fix, because a figure or a number
+    is lost, and how it is read here; `open` what cannot be checked yet, and why: such a row is never called passed.
     """
 
     id: str
