@@ -17,7 +17,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import motion_laws, moved
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, sizes
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
 from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
@@ -72,7 +72,7 @@ def six_bars(**bounds: Any) -> SearchStrategy[Chain]:
 @st.composite
 def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float = 1e-2, max_size: float = 1e2) -> Chain:
     kind = draw(st.sampled_from(kinds), label="kind")
-    size = draw(sizes(min_size, max_size), label="size")
+    size = draw_size(draw, (min_size, max_size))
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind](draw, size, 1 if branch is Branch.OPEN else -1)
     first = draw(ANGLES, label="first angle")

@@ -72,7 +72,7 @@ def four_bars(
     if slack_decades and GrashofClass.TRIPLE_ROCKER in allowed:
         allowed += [GrashofClass.TRIPLE_ROCKER] * 3  # the one class below 0 as often as the four above
     grashof = draw(st.sampled_from(allowed), label="Grashof class")
-    size = draw(sizes(min_size, max_size), label="size")
+    size = draw_size(draw, (min_size, max_size))
     lengths = _draw_lengths(draw, grashof, size, max_ratio, slack_decades)
     order = draw(ORDERS[grashof], label="links from short to long")
     link = dict(zip(order, lengths, strict=True))
@@ -154,7 +154,7 @@ def _draw_sliding(
 ) -> tuple[float, float, float, dict[str, Any]]:
     """Draw two lengths, an offset below their sum with |difference| - |offset| = slack, and a place."""
     _check_bounds(*bounds, max_ratio, max_offset, decades)
-    size = draw(sizes(*bounds), label="size")
+    size = draw_size(draw, bounds)
     form = draw(NEAR_CHANGE_POINT if decades else FORMS, label="form")
     slack = more = draw(st.floats(0.25, max_ratio - 1), label="difference")
     if form == "the shorter turns fully":
@@ -172,12 +172,12 @@ def _draw_slack(draw: DrawFn, largest: float, decades: Decades | None) -> float:
     """Draw a slack in shortest links: an eighth to seven eighths of the largest, or in the decades."""
     if decades is None:
         return largest * draw(st.floats(0.125, 0.875), label="part of the largest slack")
-    return draw(powers_of_ten(decades), label="slack")
+    return draw_power_of_ten(draw, decades)
 
 
-def powers_of_ten(decades: Decades) -> st.SearchStrategy[float]:
-    """Return numbers from 10^-k to 10^-k', evenly by their logarithms."""
-    return st.floats(*decades).map(lambda k: math.pow(10.0, -k))
+def draw_power_of_ten(draw: DrawFn, decades: Decades) -> float:
+    """Draw a number from 10^-k to 10^-k', evenly by its logarithm."""
+    return math.pow(10.0, -draw(st.floats(*decades), label="decade"))
 
 
 def longest(linkage: AnyLinkage) -> float:
@@ -185,9 +185,9 @@ def longest(linkage: AnyLinkage) -> float:
     return float(max(getattr(linkage, key) for key in linkage.LENGTHS))
 
 
-def sizes(smallest: float, largest: float) -> st.SearchStrategy[float]:
-    """Return lengths between two, evenly by their logarithms [m]."""
-    return st.floats(math.log10(smallest), math.log10(largest)).map(lambda exponent: math.pow(10.0, exponent))
+def draw_size(draw: DrawFn, bounds: tuple[float, float]) -> float:
+    """Draw a length between bounds, evenly by its logarithm [m]."""
+    return math.pow(10.0, draw(st.floats(*map(math.log10, bounds)), label="decade of the size"))
 
 
 def draw_place(draw: DrawFn, radius: float) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.laws import motion_laws
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, sizes
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, turn
 from crosscheck.strategies.spans import Binned
@@ -71,7 +71,7 @@ def _spatial(
     samples: int,
 ) -> Spatial:
     kind, region = draw(st.sampled_from(wanted), label="kind and region")
-    size = draw(sizes(1e-2, 1e2), label="size")
+    size = draw_size(draw, (1e-2, 1e2))
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind][0](draw, region, 1.0 if branch is Branch.OPEN else -1.0, decades)
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")

@@ -11,7 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, powers_of_ten
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_power_of_ten
 from crosscheck.strategies.space_plans import (
     GRID,
     ROOM,
@@ -80,7 +80,7 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
     span = drawn_span(draw)
     least = float(np.max(away(crank(np.linspace(*span, GRID)))))
     if region is Region.LIMIT:
-        near = draw(powers_of_ten(decades), label="distance")
+        near = draw_power_of_ten(draw, decades)
         span = (
             span[0],
             span[0] + (span[1] - span[0]) * int(np.argmax(away(crank(np.linspace(*span, GRID))))) / GRID * 0.8,
@@ -114,7 +114,7 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     alpha = draw(st.floats(0.25, 0.75), label="first twist")
     if region is Region.ALIKE:
-        beta = alpha + draw(powers_of_ten(NEARLY_ALIKE), label="distance")
+        beta = alpha + draw_power_of_ten(draw, NEARLY_ALIKE)
     else:
         beta = draw(st.floats(1.0, 1.5), label="second twist")
     begin, end = drawn_span(draw)
@@ -128,7 +128,7 @@ def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
 def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """One Hooke joint between two shafts that cross: two rows more than are independent."""
     near = (
-        draw(powers_of_ten(decades), label="distance")
+        draw_power_of_ten(draw, decades)
         if region is Region.GIMBAL
         else draw(st.floats(0.25, 1.5), label="angle off a right one")
     )

@@ -16,7 +16,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, powers_of_ten
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_power_of_ten
 from refkin.joints import SpatialDistance, Spherical
 from refkin.joints.spatial_frames import frame
 from refkin.model import Member
@@ -179,7 +179,7 @@ def drawn_coupler(
     regular = Region.REGULAR if region in (Region.LIMIT, Region.FOLD) else region
     first, last = drawn_span(draw)
     part = draw(st.floats(0.2, 0.8), label="part of the room")
-    near = draw(powers_of_ten(decades), label="distance") if region in (Region.LIMIT, Region.FOLD) else 0.0
+    near = draw_power_of_ten(draw, decades) if region in (Region.LIMIT, Region.FOLD) else 0.0
     if region is Region.FOLD:
         first, last = _around_least(first, last, reach)
     while True:
@@ -237,7 +237,7 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
         )
         axis, radius = Z + 0.125 * direction(draw, "axis of the rocker"), draw(st.floats(1.0, 1.5), label="rocker")
     elif region is Region.PLANAR:
-        tilt = draw(powers_of_ten(decades), label="distance")
+        tilt = draw_power_of_ten(draw, decades)
         centre = np.array([draw(st.floats(1.5, 4.0), label="ground"), 0.0, tilt * draw(COORDINATES, label="rise")])
         axis, radius = Z + tilt * direction(draw, "tilt of the rocker"), draw(st.floats(1.0, 3.0), label="rocker")
     else:

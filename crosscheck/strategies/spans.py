@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from crosscheck.strategies.linkages import AnyLinkage, Decades, longest, powers_of_ten
+from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
 from refkin.model import Member, Scene
 from refkin.scenes.linkages import ANYWHERE, Branch, Interval, InvertedSliderCrank, SliderCrank
@@ -109,7 +109,7 @@ def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> t
 def _to_limit(draw: DrawFn, linkage: AnyLinkage, pair: Input, decades: Decades, widest: float) -> tuple[float, float]:
     low, high = draw(st.sampled_from(linkage.input_range(*pair)), label="interval")
     unit = longest(linkage) if pair[0] == "slider" else 1.0
-    near = unit * draw(powers_of_ten(decades), label="distance")
+    near = unit * draw_power_of_ten(draw, decades)
     away = min(widest, (high - low) * draw(st.floats(0.125, 0.75), label="part of the range"))
     return draw(st.sampled_from(((high - away, high - near), (low + away, low + near))), label="from, to")
 

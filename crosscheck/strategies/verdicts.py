@@ -16,7 +16,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.linkages import draw_place, sizes
+from crosscheck.strategies.linkages import draw_place, draw_size
 from crosscheck.strategies.scenes import Drawn, scenes_of
 from crosscheck.strategies.space_plans import RockerCircle
 from crosscheck.strategies.spans import Binned, Hardness
@@ -153,7 +153,7 @@ EQUAL = (("crank", "rocker"), ("coupler", "rocker"), ("crank", "coupler"), ("cra
 @st.composite
 def equal_four_bars(draw: DrawFn) -> FourBar:
     """Return four-bars of which two or three moving links are equal; none at a change point."""
-    size = draw(sizes(1e-3, 1e3), label="size")
+    size = draw_size(draw, (1e-3, 1e3))
     equal = draw(st.sampled_from(EQUAL), label="equal links")
     other = {key: draw(RATIOS, label=key) for key in ("ground", "crank", "coupler", "rocker") if key not in equal}
     lengths = [size * other.get(key, 1.0) for key in FourBar.LENGTHS]
