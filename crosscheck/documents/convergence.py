@@ -46,6 +46,7 @@ def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float 
     Parameters
     ----------
     errors : sequence of float
+        One per iterate, the first one first.
     floor, basin : float
         Errors count from the first below the basin to the last above the floor.
     """

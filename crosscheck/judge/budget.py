@@ -243,7 +243,10 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
     Parameters
     ----------
     system : System
-    q, t : (n, T), (T,) array
+    q : (n, T) array
+        Poses, in the system's coordinates.
+    t : (T,) array
+        Times [s].
     """
     return SAFETY * parts(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)[1]
 
@@ -254,7 +257,10 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     Parameters
     ----------
     system : System
-    q, qd, qdd, t : (n, T), (T,) array
+    q, qd, qdd : (n, T) array
+        The solution, in the system's coordinates.
+    t : (T,) array
+        Times [s].
     """
     z, n = _stepped(q), len(q)
     slope = system.phi_q(z, t)
@@ -320,7 +326,9 @@ def table_error(system: System, t: Any, order: int) -> Any:
 
     Parameters
     ----------
-    system, t
+    system : System
+    t : (T,) array
+        Times [s].
     order : int
         0 for the residual, 1 for nu, 2 for gamma.
     """
@@ -348,6 +356,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     ----------
     system : System
     q, qd, qdd : (n, T) array
+        The solution, in the system's coordinates.
     """
     arms = len(system.mechanism.bodies)
     metres = np.abs(system.to_physical(q))

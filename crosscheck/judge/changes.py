@@ -34,7 +34,9 @@ def change(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term] = (), 
     ref : Reference
         What the allowed errors are derived at.
     off, on : Motion
+        Without the effect, and with it.
     terms : sequence of Term
+        What the engine adds to the allowed error.
     exact : bool
         Whether every bit counts. Otherwise a change is inert up to the error that one of the two answers may have:
         whoever is within it without the effect and further off with it has felt the effect.

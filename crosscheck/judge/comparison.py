@@ -124,8 +124,11 @@ def begun_at(scene: Scene, motion: Motion, k: int, times: Sequence[float]) -> Sc
 
     Parameters
     ----------
-    scene, motion, k
+    scene, motion : Scene, Motion
+    k : int
+        Which of the motion's times.
     times : sequence of float
+        Those of the new scene [s].
     """
     bodies = tuple(replace(body, estimate=tuple(motion[body.name].q[:, k].tolist())) for body in scene.mechanism.bodies)
     return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=tuple(times))
@@ -155,7 +158,9 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     ----------
     ref : Reference
     motion : Motion
+        The engine's answer, at the reference's times or some of them.
     terms : sequence of Term
+        What the engine adds.
     at : index
         The places among the reference's times of those that the motion has.
     """
@@ -190,6 +195,7 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
     ----------
     ref : Reference
     bodies : sequence of str
+        In the order in which the levels have them.
     levels : mapping
         Order 0, 1, 2 -> position, velocity, acceleration (width * bodies, T) of the bodies [m, rad], in their order. In
         space no rate comes without what it is the rate of.
@@ -214,7 +220,9 @@ def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
 
     Parameters
     ----------
-    system, theirs, ours
+    system : System
+    theirs, ours : (n,) or (n, T) array
+        Scaled coordinates, or rates.
     level : int
         0 for coordinates, 1 or 2 for their rates.
     """
@@ -291,7 +299,7 @@ def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(No
 
     Parameters
     ----------
-    ref, motion
+    ref, motion : Reference, Motion
     samples : (K,) array of int
         Which of the motion's times.
     at : index

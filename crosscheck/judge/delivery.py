@@ -61,8 +61,9 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
 
     Parameters
     ----------
-    engine, scene
+    engine, scene : Engine, Scene
     terms : sequence of Term
+        What the engine says that it adds.
     """
     allowed: list[Term] = []
     faults = []
@@ -127,7 +128,7 @@ def undelivered(able: Collection[str], scene: Scene, motion: Motion) -> Iterator
     ----------
     able : collection of str
         The quantities that its method owes.
-    scene, motion
+    scene, motion : Scene, Motion
     """
     for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
         if quantity in able and level is None:
@@ -197,8 +198,9 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
 
     Parameters
     ----------
-    ref, motion
+    ref, motion : Reference, Motion
     terms : sequence of Term
+        What the engine adds.
     """
     there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
     asked = there & times_with(motion, Status.OK) & ~ref.budget().compared
@@ -277,7 +279,10 @@ def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] |
     Parameters
     ----------
     ref : Reference
-    first, enough : float
+    first : float
+        Up to when [s].
+    enough : float
+        The largest sigma_min that excuses.
     """
     times = ref.motion.t
     asked = times <= first

@@ -185,8 +185,10 @@ def samples(
     ----------
     system, truth
         As `truths` returns them.
-    scene, motion
+    scene, motion : Scene, Motion
+        What was asked, and the answer.
     terms : sequence of Term
+        What the engine adds by its own doing.
     """
     rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
     q = np.full((system.n, len(scene.times)), np.nan)
@@ -267,7 +269,11 @@ def residual_error(system: System, q: Any, t: float) -> Any:
 
     Parameters
     ----------
-    system, q, t
+    system : System
+    q : (n,) array
+        The pose, in the system's coordinates.
+    t : float
+        When [s].
     """
     return BOTH_SIDES * budget.residual_error(system, q[:, None], np.array([t]))[:, 0]
 
@@ -279,7 +285,10 @@ def least_error(system: System, q: Any, t: float) -> Any:
     ----------
     system : System
         Compiled in its mechanism's own unit.
-    q, t : (n,) array, float
+    q : (n,) array
+        The pose, in the system's coordinates.
+    t : float
+        When [s].
     """
     e = residual_error(system, q, t)
     u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)

@@ -109,9 +109,14 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     Parameters
     ----------
     mechanism : Mechanism
-    near, t : (n, T), (T,) array
-        The assembled poses [m, rad] and their times [s].
-    seed, count : str, int
+    near : (n, T) array
+        The assembled poses [m, rad].
+    t : (T,) array
+        Their times [s].
+    seed : str
+        Of the draws.
+    count : int
+        How many.
     """
     draw = random.Random(seed)
     kind, size, count_of = mechanism.kind, mechanism.size(), len(mechanism.bodies)
@@ -180,8 +185,9 @@ def compare_levels(
 
     Parameters
     ----------
-    engine, model, mechanism
+    engine, model, mechanism : Engine, ConstraintModel, Mechanism
     at : sequence of Configuration
+        Where.
     terms : sequence of Term
         What the engine adds to its own rows.
     """

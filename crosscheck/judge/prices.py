@@ -120,9 +120,11 @@ def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits:
     Parameters
     ----------
     rows : iterable of mapping
+        Of the price list.
     poses, quantity : str
-        Of one pose, a cycle or in bulk; and the quantity.
+        Of which times: of one pose, a cycle or in bulk; and the quantity.
     digits : float
+        At least so many.
     """
     best: dict[tuple[str, str], Offer] = {}
     for row in rows:

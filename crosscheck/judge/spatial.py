@@ -48,6 +48,7 @@ def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str]
     levels, truth : sequence of (7 n, T) array
         Position, and as many rates as the answer has, of the bodies in their order, in one unit and from one origin.
     bodies : sequence of str
+        In that order.
     spins : sequence of dict
         As `passive_lines`, in that unit.
     """

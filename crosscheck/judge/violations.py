@@ -40,8 +40,10 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     ref : Reference
     motion : Motion
         An answer in metres and radians, its bodies in any order.
-    order, t : {0, 1, 2}, float
-        Position, velocity or acceleration; one of its times [s].
+    order : {0, 1, 2}
+        Position, velocity or acceleration.
+    t : float
+        One of its times [s].
     """
     residual = _residual(ref, motion, order, t)
     if residual is None:

@@ -177,8 +177,11 @@ def of_chain(work: LoopChain, sparse: Any, q: Any) -> Accuracy:
 
     Parameters
     ----------
-    work, sparse
+    work : Chain
+    sparse : SparseSystem
+        The chain's.
     q : (n,) array
+        The pose [m, rad].
     """
     system = sparse.system
     truth = work.truth()[0]
@@ -196,7 +199,10 @@ def allowed(sparse: Any, q: Any, t: float) -> Any:
     Parameters
     ----------
     sparse : SparseSystem
-    q, t : (n,) array, float
+    q : (n,) array
+        The pose, in its scaled coordinates.
+    t : float
+        When [s].
     """
     from refkin.fast.sparse import factors  # here: the fast paths may be absent
 
@@ -214,6 +220,7 @@ def residual_error(sparse: Any, q: Any, t: float) -> Any:
     Parameters
     ----------
     sparse, q, t
+        As for `allowed`.
     """
 
     def values(start: Any) -> BodyValues:

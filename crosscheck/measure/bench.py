@@ -40,6 +40,7 @@ def measured(
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
     rounds : int
+        How often each method is timed, in turns.
     listed : sequence of Method, optional
         The methods, if they are not all of the producers'.
     """
@@ -84,7 +85,8 @@ def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[st
 
     Parameters
     ----------
-    work, method, batch, timing
+    work, method, batch, timing : Workload, Method, Batch, Timing
+        What was asked of whom, its answers, and how long they took.
     """
     accuracy = accuracy_of(work, batch)
     engine, name, setting = method.key

@@ -75,7 +75,7 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
 
     Parameters
     ----------
-    method, scene
+    method, scene : Method, Scene
     only : str
         The effect that is asked for, "" for all.
     """
@@ -141,6 +141,7 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     Parameters
     ----------
     ablated : Ablations
+        Of the method.
     ref : Reference
         The reference's answer to the scene, which allowed errors are derived at.
     within : float

@@ -60,6 +60,7 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
     Parameters
     ----------
     job : mapping
+        As a worker takes it.
     engines : sequence of str
         Names, in the order of the record.
     parts : mapping

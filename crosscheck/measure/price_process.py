@@ -94,8 +94,10 @@ def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], w
 
     Parameters
     ----------
-    scene, producers, within
-        As for `crosscheck.measure.price.price`, the scene as data.
+    scene : dict
+        As data.
+    producers, within
+        As for `crosscheck.measure.price.price`.
     failed : set of (engine, method, setting)
         What is left alone.
     pipe : Connection

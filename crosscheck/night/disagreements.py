@@ -44,6 +44,7 @@ def write_disagreements(
     new : sequence of NewCase
         Each with the number (`shard`) of its scene.
     workers : Pool
+        What checks while shrinking.
     tick : callable
         Called between one scene and the next.
     """

@@ -80,7 +80,9 @@ def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) 
     ----------
     scenes : mapping
         Name of the case -> Scene.
-    workers, engines
+    workers : Pool
+    engines : sequence of str
+        Names.
     """
     for name, scene in scenes.items():
         workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
@@ -217,8 +219,11 @@ def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) ->
     Parameters
     ----------
     path : Path
-    cases, versions : mapping
-        Name -> case, as `measure` returns them; engine -> version.
+        The file, which is replaced.
+    cases : mapping
+        Name -> case, as `measure` returns them.
+    versions : mapping
+        Engine -> version.
     """
     baseline = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
     replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
@@ -234,7 +239,10 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
 
     Parameters
     ----------
-    path, out : Path
+    path : Path
+        The baseline.
+    out : Path
+        Folder of the night.
     workers : Pool
     """
     baseline = read(path)

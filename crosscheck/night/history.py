@@ -65,8 +65,12 @@ def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, A
 
     Parameters
     ----------
-    path, folder : Path
+    path : Path
+        The history.
     report : mapping
+        Of the night.
+    folder : Path
+        The night's.
     """
     append(path, report)
     if not path.is_file():

@@ -101,6 +101,7 @@ def hunt(
     seed_of_hunt : int
         The same one hunts in the same places, as far as its time goes.
     scene_seconds : float
+        How long a scene may take.
     strata : sequence of (low, high)
         Decades of the distance or slack in which scenes are drawn, as `STRATA` has them.
     starts : sequence of (seed, number)
@@ -173,9 +174,11 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
     Parameters
     ----------
     folder : Path
+        The night's.
     best : mapping
         Name of each engine -> its best method: the others are not hunted.
     seed_of_night : int
+        By which its scenes were drawn.
     """
     worst: dict[Target, list[tuple[float, int]]] = {}
     for _, record in read_records(folder / "records.jsonl"):
@@ -195,8 +198,10 @@ def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], num
     ----------
     check : callable
         Says by `hypothesis.target` what makes a scene worse.
-    stratum, number
-        As for `hunt`; the seed of the turn.
+    stratum : (low, high)
+        As for `hunt`.
+    number : int
+        Seed of the turn.
     """
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)

@@ -59,8 +59,11 @@ def write_sections(
     Parameters
     ----------
     folder : Path
-    engines, left_out : mapping, collection of str
-        Name -> what `crosscheck.engines.load` takes for it; those that are not asked.
+        The folder of the run.
+    engines : mapping
+        Name -> what `crosscheck.engines.load` takes for it.
+    left_out : collection of str
+        Names of those that are not asked.
     seconds : float
         How long it may take in all, beside the start of processes. Nothing is written where the price list cannot keep
         to its share, since it gives each class of scenes its least.
@@ -102,10 +105,14 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
 
     Parameters
     ----------
-    folder, seed
+    folder : Path
+        The night's.
+    seed : int
+        By which its scenes were drawn.
     engines : mapping
         Name -> what `crosscheck.engines.load` takes for it.
     seconds : float
+        After this long no further scene is pictured.
     """
     records = (record for _, record in read_records(folder / "records.jsonl") if not isinstance(record, Unreadable))
     drawn = (record for record in records if "shard" in record.about)
@@ -204,8 +211,10 @@ def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> DrawnSample 
     Parameters
     ----------
     sigma : (T,) array
+        sigma_min.
     q : QuantityComparison
     decade : int
+        floor(log10(sigma_min)).
     """
     if q.difference is None:
         return None

@@ -47,7 +47,8 @@ def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driv
 
     Parameters
     ----------
-    title, joints
+    title : str
+    joints : sequence of Constraint
     drivers : Driver, or list of them
     **more
         Of `Stated`.
@@ -67,7 +68,8 @@ def within(random: Random, low: float, high: float) -> float:
 
     Parameters
     ----------
-    random, low, high
+    random : Random
+    low, high : float
     """
     return round(low + (high - low) * random.random(), 2)
 

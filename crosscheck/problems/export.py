@@ -47,6 +47,7 @@ def export(
     folder : Path
         Made if it does not exist; files of a set that is there are overwritten.
     asked : sequence of Draft
+        The problems; `drafts()` for all.
     processes : int
         How many prove answers side by side; with 1 this one does it.
     progress : callable

@@ -107,7 +107,10 @@ def worse(so_far: WorstSample | None, ratio: float | None, place: RecordLine, at
     Parameters
     ----------
     so_far : WorstSample or None
-    ratio, place, at
+    ratio : float or None
+        The other one.
+    place, at : RecordLine, At or None
+        Where that was met.
     """
     if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
         return so_far

@@ -36,8 +36,12 @@ def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str |
     Parameters
     ----------
     rows : sequence of mapping
-    quantity, scene_class : str
+        Of a price list.
+    quantity : str
     goal : float
+        Digits that an offer has at least.
+    scene_class : str or None
+        Which rows count.
     """
     best: dict[str, Offer] = {}
     for offer in offers([row for row in rows if row["scene_class"] == scene_class], "cycle", quantity, goal):

@@ -290,6 +290,7 @@ def verdict(
     new : mapping
         New disagreements by engine.
     failures, scenes : int
+        Scenes without a result and other failures of the run; scenes with a record.
     """
     absent = [name for name in required if name in missing]
     if absent:

@@ -121,6 +121,7 @@ def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
     Parameters
     ----------
     night, number : int
+        Seed of the night, and 0, 1, 2 ... in it.
     samples : int
         Times of the scene: linkage and motion are the same for any.
     """
@@ -183,12 +184,14 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
 
     Parameters
     ----------
-    night, number, samples : int
+    night, number : int
         As for `draw`.
     check : callable
         Says by `hypothesis.target` what makes a scene worse.
     examples : int
         How many scenes are checked at most.
+    samples : int
+        Times of each.
     """
     start = draw(night, number, samples).scene
     kept = InMemoryExampleDatabase()

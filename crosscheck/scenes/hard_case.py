@@ -32,7 +32,9 @@ def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) ->
 
     Parameters
     ----------
-    name, i, j : str
+    name : str
+    i, j : str
+        Bodies.
     point_i, point_j : (x, y)
     """
     return Revolute(name=name, **ends(i, point_i, j, point_j))
@@ -84,8 +86,11 @@ def timed(mechanism: Mechanism, times: Sequence[float], name: str) -> Scene:
 
     Parameters
     ----------
-    mechanism, name
+    mechanism : Mechanism
     times : sequence of float
+        Increasing [s].
+    name : str
+        Of the scene.
     """
     return Scene(mechanism=mechanism, times=tuple(times), name=name, effects=frozenset(), evidence=frozenset(Evidence))
 
@@ -102,7 +107,10 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
 
     Parameters
     ----------
-    count, seed : int
+    count : int
+        How many dyads.
+    seed : int
+        Of the draws.
     angles : sequence of float
         Of the crank [rad].
     """

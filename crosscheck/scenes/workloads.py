@@ -136,7 +136,9 @@ def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any],
 
     Parameters
     ----------
-    work, mechanisms
+    work : FourBars or SpatialLoops
+    mechanisms : (M,) array of int
+        Which of them.
     levels : iterable of (rows, M, T) array
         Positions, and as many rates as there are.
     rows : sequence of int
@@ -250,7 +252,9 @@ def many(name: str, mechanisms: int, times: int, margin: float) -> FourBars:
 
     Parameters
     ----------
-    name, mechanisms, times
+    name : str
+    mechanisms, times : int
+        How many.
     margin : float
         As for `grashof`.
     """

@@ -64,7 +64,9 @@ def many_rssrs(name: str, mechanisms: int, times: int) -> SpatialLoops:
 
     Parameters
     ----------
-    name, mechanisms, times
+    name : str
+    mechanisms, times : int
+        How many.
     """
     drawn = _turning_fully()
     return SpatialLoops(

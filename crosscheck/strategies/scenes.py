@@ -116,6 +116,7 @@ def drawn_scenes(
     Parameters
     ----------
     kinds : collection of str
+        Of linkages.
     hardness : collection of Hardness
         How near to a singular pose scenes may go.
     decades : (float, float)

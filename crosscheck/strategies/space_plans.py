@@ -170,7 +170,9 @@ def drawn_coupler(
 
     Parameters
     ----------
-    draw, region
+    draw : callable
+        What Hypothesis draws with.
+    region : Region
     decades : (float, float)
         Of the distance from what the region goes to.
     reach : callable
@@ -227,7 +229,9 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
 
     Parameters
     ----------
-    draw, region
+    draw : callable
+        What Hypothesis draws with.
+    region : Region
     decades : (float, float)
         Of the tilt, of a linkage that is nearly planar.
     """
@@ -253,9 +257,14 @@ def link(pose: SpaceAssembly, i: str, j: str, ends: tuple[Array, Array], name: s
 
     Parameters
     ----------
-    pose, i, j, name
+    pose : SpaceAssembly
+        What is added to.
+    i, j : str
+        The bodies.
     ends : (first, second)
         Of the coupler, (3,) each, as `pose` has points.
+    name : str
+        The coupler's.
     whole : bool
         Whether it is a body, and no distance.
     """

@@ -54,8 +54,13 @@ def draw_span(
 
     Parameters
     ----------
-    draw, linkage, hardness
+    draw : callable
+        What Hypothesis draws with.
+    linkage : Linkage
     pair : (driven, relative_to)
+        Which input is driven.
+    hardness : Hardness
+        Where it goes on purpose.
     decades : (float, float)
         Of the distance from a limit.
     widest : float

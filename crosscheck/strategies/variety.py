@@ -72,10 +72,13 @@ def draw_variant(draw: DrawFn, linkage: AnyLinkage, pose: Pose, held: tuple[str,
 
     Parameters
     ----------
-    draw, linkage
+    draw : callable
+        What Hypothesis draws with.
+    linkage : Linkage
     pose : mapping
         Body -> (x, y, phi).
     held : (str, str)
+        The bodies that a driver holds.
     """
     massless, sliding = draw(st.sampled_from(_structures(linkage, held)), label="structure")
     variant = Variant(massless=massless, sliding=sliding)

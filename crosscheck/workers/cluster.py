@@ -156,10 +156,13 @@ def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], sec
     Parameters
     ----------
     work : Work
+        What is done.
     jobs : sequence of mapping
+        The scenes.
     engines : mapping
         Name -> what `crosscheck.engines.load` takes for it.
     seconds : float
+        How long a scene may take.
     """
     workers = _child(threading.get_ident(), work, tuple(engines.items()), seconds)
     workers.submit(jobs)

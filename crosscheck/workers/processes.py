@@ -153,6 +153,7 @@ def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None,
     Parameters
     ----------
     function : callable
+        Of one argument.
     prepare : callable, optional
         Called with the first argument of each list that comes, before the time of that begins.
     pipe : Connection

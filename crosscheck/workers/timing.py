@@ -52,8 +52,11 @@ def timed_in_turns(
     Parameters
     ----------
     workloads : mapping of str to callable
-    rounds, fewest : int
-        How often each gets its turn; and how often however long that takes.
+        Each is called before it is timed.
+    rounds : int
+        How often each gets its turn.
+    fewest : int
+        How many rounds there are however long they take.
     at_least : float
         What one turn lasts at least [s].
     within : float

@@ -26,8 +26,11 @@ def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
 
     Parameters
     ----------
-    n, given
+    n : Arithmetic
+    given : mapping
+        The row's numbers, as text.
     *keys : str
+        Which of them.
     """
     return [n(given[key]) for key in keys]
 
