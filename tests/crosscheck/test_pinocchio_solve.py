@@ -14,6 +14,7 @@ import pytest
 from crosscheck.engines import march
 from crosscheck.engines.pinocchio.engine import Pinocchio
 from crosscheck.engines.pinocchio.rows import Rows
+from crosscheck.engines.poses import Tabulated
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.scenes.drawing import draw
@@ -121,7 +122,7 @@ def test_bodies_that_cannot_move_are_placed() -> None:
 
 def of_law(order: int) -> Callable[[Any], Any]:
     """Return the replacement that forgets one derivative of the laws."""
-    return lambda f: lambda self, driver, t, k: 0.0 * t if k == order else f(self, driver, t, k)
+    return lambda f: lambda self, t, k: 0.0 * t if k == order else f(self, t, k)
 
 
 def long_coupler(f: Any) -> Any:
@@ -138,8 +139,8 @@ def other_branch(f: Any) -> Any:
 FAULTS: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
     "gamma forgotten": (Rows, "drift", lambda f: lambda *a: [0.0 * part for part in f(*a)]),
     "sign of nu": (TreeSystem, "nu", lambda f: lambda *a: -f(*a)),
-    "driver rate forgotten": (TreeSystem, "_law", of_law(1)),
-    "driver acceleration forgotten": (TreeSystem, "_law", of_law(2)),
+    "driver rate forgotten": (Tabulated, "__call__", of_law(1)),
+    "driver acceleration forgotten": (Tabulated, "__call__", of_law(2)),
     "drift of points forgotten": (Rows, "drift", lambda f: lambda *a: [*f(*a)[:-1], 0.0 * f(*a)[-1]]),
     "a length off by 1e-9": (JointTree, "scaled", long_coupler),
     "other branch": (JointTree, "start", other_branch),
