@@ -3,7 +3,7 @@
 `refkin.solve` answers at given times and stays on its branch. `follow` returns a path: the poses as they come one after
 another, with a time, or a driver's value, that may go back and forth (pseudo-arclength continuation: predicted along
 the tangent of the curve phi(q, t) = 0, corrected across it, in steps that adapt). Where t turns, the *turning point* is
-found; where curves cross, the *bifurcation*, with the tangents of both, and the caller chooses how to go on.
+found; where curves cross, the *bifurcation*, with the tangents of all, and the caller chooses how to go on.
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ class Bifurcation:
     t, q : float and (n,) array
         The pose [m, rad].
     tangents : tuple of Tangent
-        One of each curve; none where they are not decided to second order.
+        One of each curve: two, or four where two linkages are at their change points at once, and so on. Where they are
+        not decided to second order there is no bifurcation: the path stops beside it, and says so.
     incoming : Tangent or None
         That in which the path arrived.
     index : int

@@ -25,8 +25,9 @@ from refkin import (
     compile_system,
 )
 from refkin.proof.numbers.recentred import recentred
+from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
-from refkin.proof.singularity.second_order import _common_roots, balanced, cone
+from refkin.proof.singularity.second_order import balanced, cone
 from tests.refkin.assembly_cases import pin
 from tests.refkin.test_sweep import three_cranks
 
@@ -425,7 +426,7 @@ def test_the_bend_of_rows_is_their_second_difference():
 
 def test_common_roots_of_forms_are_all_found_once():
     """a^2 = b^2 = c^2: the four lines through the corners of a cube."""
-    result = _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])])
+    result = common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])])
     signs = {tuple(np.sign(a * a[0])) for a in result}
 
     assert len(result) == len(signs) == 4
@@ -434,7 +435,7 @@ def test_common_roots_of_forms_are_all_found_once():
 
 def test_forms_have_no_common_root_where_least_squares_satisfy_but_one_of_them():
     """a^2 = b^2 by symmetry; a^2 + b^2 is c^2 and 3 c^2 for none."""
-    assert _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, -3.0])]) == ()
+    assert common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, -3.0])]) == ()
 
 
 def test_a_driver_of_another_coordinate_takes_the_row_of_one_that_is_there():

@@ -16,12 +16,14 @@ few roundings of the mechanism's numbers explain, each of its own size; elsewher
 each other (for a four-bar near its change point, about its slack).
 
 With z = N a in the plane of null vectors N, phi = 0 asks to second order that psi . phi_xx[z, z] = a^T B a = 0: two
-real directions a if det B < 0, none if det B > 0 (an isolated pose), and no answer to second order if det B = 0.
+real directions a if det B < 0, none if det B > 0 (an isolated pose), and no answer to second order if det B = 0. Where
+k rows are missing at once there are k forms on k + 1 null vectors, and up to 2^k curves.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +32,7 @@ from flint import arb, ctx
 from refkin.differences import Scheme
 from refkin.differences import step as step_of
 from refkin.newton import NewtonResult, contracts, newton
+from refkin.proof.assembly.search import radical_inverse
 from refkin.proof.numbers.bounded import InputError
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.inputs import input_effect
@@ -157,21 +160,28 @@ ROUNDED = InputError(2.0**-50)
 """A few roundings of a number: curves cross where they explain mu."""
 BITS = 113
 """Precision in which mu is computed: at an angle of many turns float64 would only give the rounding of the angle."""
+SATISFIED = 1e-6
+"""Value of a form of size 1 that counts as zero: a singular pose is known to the root of round-off."""
+STARTS = 48
+"""Directions from which tangents are sought where several equations must hold."""
+BESIDE = 1e-3
+"""Singular value of [phi_q, phi_t] up to which a point is looked at as one beside a crossing of many curves."""
 FLAT = 1e-6
 """det B in units of |B|^2 up to which tangents are not decided to second order."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """A singular point of the curve: x (n + 1,), mu, the form B (2, 2) and the null vectors (n + 1, 2) it is on.
+    """A singular point of the curve: x (n + 1,), mu, the k forms B (k, k + 1, k + 1) and the null vectors they are on.
 
-    `explained` is the |mu| that rounding of the mechanism's numbers explains.
+    `explained` is the |mu| that rounding of the mechanism's numbers explains. Where k is above 1 both are those of that
+    psi whose mu is the least explained.
     """
 
     x: Any
     mu: float
     explained: float
-    form: Any
+    forms: Any
     null: Any
 
     @property
@@ -184,17 +194,25 @@ class Crossing:
         """Whether the curves cross, and in which directions."""
         return self.is_bifurcation and bool(self.tangents)
 
-    @property
+    @cached_property
     def tangents(self) -> tuple[Any, ...]:
-        """Unit tangents (n + 1,) of the curves that cross here; none if they are not decided to second order."""
-        return tuple(self.null @ a for a in roots(self.form))
+        """Unit tangents (n + 1,) of the curves that cross here; none if they are not decided to second order.
+
+        k quadratic forms have at most 2^k common directions (Bezout): these are all of them, or none is returned.
+        """
+        directions = roots(self.forms[0]) if len(self.forms) == 1 else common_roots(list(self.forms))
+        return tuple(self.null @ a for a in directions) if len(directions) == 2 ** len(self.forms) else ()
 
 
 def crossing(curve: Curve, guess: Any) -> Crossing | None:
-    """Return the singular point that Newton finds from a guess of x; None if it finds none, or more rows depend."""
+    """Return the singular point that Newton finds from a guess of x; None if it finds none."""
     rows = curve.rows(guess)
     n = len(rows)
-    psi = np.linalg.svd(curve.slope(guess)[rows])[0][:, -1]
+    left, sizes, _ = np.linalg.svd(curve.slope(guess)[rows])
+    count = int(np.sum(sizes <= BESIDE))
+    if count > 1 and (of_many := _of_many(curve, guess, rows, count)) and of_many.is_decided:
+        return of_many
+    psi = left[:, -1]
     start = np.concatenate([guess, psi, [-(psi @ curve.phi(guess)[rows])]])
 
     def equations(y: Any) -> Any:
@@ -213,13 +231,39 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
     if not result.converged or result.residual > 1e-10:
         return None
     x, psi = result.q[: n + 1], result.q[n + 1 : -1]
+    return _singular(curve, x, rows, psi[None])
+
+
+def _of_many(curve: Curve, guess: Any, rows: Any, count: int) -> Crossing | None:
+    """Return the point near a guess at which so many rows (> 1) depend at once: there the system above is singular.
+
+    With all psi and all null vectors z, phi = 0 and psi . [phi_q, phi_t] z = 0 are more equations than unknowns, and
+    have a solution where linkages stacked on each other come to their change points together (Gauss and Newton).
+    """
+    x = guess
+    for _ in range(12):
+        first = curve.slope(x)[rows]
+        left, _, directions = np.linalg.svd(first)
+        psis, null = left[:, -count:].T, directions[-count - 1 :].T
+        residual = np.append(curve.phi(x)[rows], psis @ first @ null)
+        step = np.linalg.lstsq(np.vstack([first, *(null.T @ curve.bend(x, psi, rows) for psi in psis)]), residual)[0]
+        x = x - step
+    return _singular(curve, x, rows, psis) if np.max(np.abs(residual)) <= 1e-10 else None
+
+
+def _singular(curve: Curve, x: Any, rows: Any, psis: Any) -> Crossing | None:
+    """Return a singular point with its weights (k, n) of rows; None if not just so many rows depend there."""
+    count = len(psis)
     _, sizes, directions = np.linalg.svd(curve.slope(x)[rows])
-    if n > 1 and sizes[-2] <= FLAT:  # more than two curves: this system does not hold their tangents
+    if (count < len(rows) and sizes[-count - 1] <= FLAT) or (count > 1 and sizes[-count] > FLAT):
         return None
-    null = directions[-2:].T
+    null = directions[-count - 1 :].T
     q, t = curve.pose(x)
-    explained = float(np.abs(psi) @ input_effect(curve.system, q[:, None], np.array([t]), ROUNDED)[rows, 0])
-    return Crossing(x, _mu(curve, x, psi, rows), explained, null.T @ curve.bend(x, psi, rows) @ null, null)
+    effect = input_effect(curve.system, q[:, None], np.array([t]), ROUNDED)[rows, 0]
+    both = [(_mu(curve, x, psi, rows), float(np.abs(psi) @ effect)) for psi in psis]
+    mu, explained = max(both, key=lambda each: abs(each[0]) - each[1])
+    forms = np.array([null.T @ curve.bend(x, psi, rows) @ null for psi in psis])
+    return Crossing(x, mu, explained, forms, null)
 
 
 def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:
@@ -239,3 +283,23 @@ def roots(form: Any) -> tuple[Any, ...]:
     root = b + np.copysign(np.sqrt(b * b - a * c), b)  # no cancellation
     directions = [np.array([-root, a]), np.array([c, -root])]
     return tuple(v / np.linalg.norm(v) for v in directions)
+
+
+def common_roots(forms: list[Any]) -> tuple[Any, ...]:
+    """Return the unit vectors a, up to sign, with a^T B a = 0 for all forms, by Newton from many directions."""
+    count = len(forms[0])
+    directions: list[Any] = []
+    for k in range(1, STARTS + 1):
+        a = np.array([2 * radical_inverse(k, prime) - 1 for prime in (2, 3, 5, 7, 11, 13)[:count]])
+        for _ in range(30):
+            residual = np.append([a @ b @ a for b in forms], a @ a - 1)
+            slope = np.vstack([*(2 * a @ b for b in forms), 2 * a])
+            if np.linalg.cond(slope) > 1e8:  # a multiple root, or none: not decided to second order
+                break
+            a = a - np.linalg.lstsq(slope, residual, rcond=None)[0]
+        else:
+            if np.max(np.abs(residual)) < SATISFIED and all(
+                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in directions
+            ):
+                directions.append(a)
+    return tuple(directions)

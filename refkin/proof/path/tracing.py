@@ -87,14 +87,15 @@ class Tracer:
         choose : callable
             The branch to go on with where curves cross.
         """
-        x = self._first(start)
+        here = self._crossing_at(start)  # where many curves cross, Newton's method may end nowhere
+        x = self._first(start) if here is None else here.x
         if x is None:
             return self.trace
+        here = here or self._crossing_at(x)
+        if here is not None:
+            x, self.at_crossing = here.x, True
         self.trace.points.append(x)
-        here = crossing(self.curve, x) if self.curve.clearance(x) < math.sqrt(SAME) else None
-        if here is not None and here.is_decided and np.max(np.abs(here.x - x)) < math.sqrt(SAME):
-            self.trace.points[0], self.at_crossing = here.x, True
-            x = here.x
+        if here is not None:
             if along is None:
                 return self._crossed(here, None)
             tangent = max(
@@ -126,6 +127,12 @@ class Tracer:
             x, tangent, h = new, after, min(h * FASTER, self.max_step) if straight else h
         return self._ended(TraceEnd.POINTS)
 
+    def _crossing_at(self, x: Any) -> Crossing | None:
+        """Return the bifurcation that a point is at, if it is at one."""
+        here = crossing(self.curve, x) if self.curve.clearance(x) < math.sqrt(SAME) else None
+        is_here = here is not None and here.is_decided and np.max(np.abs(here.x - x)) < math.sqrt(SAME)
+        return here if is_here else None
+
     def _first(self, start: Any) -> Any:
         """Return the point of the curve at the same t as a point near it, or, at a singular pose, near it; or None."""
         for across in (_along_t(len(start)), None):
@@ -145,9 +152,9 @@ class Tracer:
                 if self.at_crossing or self.curve.side(new, after, rows) == self.curve.side(x, tangent, rows):
                     if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
                         return new, after, h
-                    h /= 2
-                    continue
-                end = self._crossing(x, new)
+                    end = self._crossing(x, new, least=2)
+                else:
+                    end = self._crossing(x, new)
                 if end is not None:
                     return end
             h /= 2
@@ -196,12 +203,15 @@ class Tracer:
                 return True
         return False
 
-    def _crossing(self, x: Any, new: Any) -> Crossing | None:
-        """Return the bifurcation between two points, if the curves do cross there and not only pass by each other."""
+    def _crossing(self, x: Any, new: Any, least: int = 1) -> Crossing | None:
+        """Return the bifurcation between two points, if the curves do cross there and not only pass by each other.
+
+        `least` is how many rows must depend there at once.
+        """
         chord = new - x
         for part in (0.5, 0.1, 0.9):
             branch_point = crossing(self.curve, x + part * chord)
-            if branch_point is not None and branch_point.is_decided:
+            if branch_point is not None and len(branch_point.forms) >= least and branch_point.is_decided:
                 at = (branch_point.x - x) @ chord / (chord @ chord)
                 if -0.01 <= at <= 1.01 and np.linalg.norm(branch_point.x - x - at * chord) <= np.linalg.norm(chord):
                     return branch_point

@@ -11,17 +11,13 @@ import numpy as np
 from refkin.differences import jacobian
 from refkin.joints import GROUND
 from refkin.proof.assembly.search import closes, radical_inverse
-from refkin.proof.path.curve import roots
+from refkin.proof.path.curve import SATISFIED, common_roots, roots
 from refkin.system import System
 
 ROUNDS = 24
 """How often rows and columns are balanced in turn: a factor 2^24 between neighbours is gone by then."""
 FAR = 1e-2
 """How far a motion is followed to see whether it goes on, in the largest coordinate."""
-SATISFIED = 1e-6
-"""Value of a form of size 1 that counts as zero: a singular pose is known to the root of round-off."""
-STARTS = 48
-"""Directions from which tangents are sought where several equations must hold."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +186,7 @@ def cone(held: Balanced, tolerance: float, driven: Any = None) -> Cone:
     if count == 2:
         directions = tuple(a for a in roots(independent[0]) if all(abs(a @ b @ a) <= SATISFIED for b in independent))
     else:
-        directions = _common_roots(independent) if len(independent) >= count - 1 else ()
+        directions = common_roots(independent) if len(independent) >= count - 1 else ()
     return Cone(len(independent), tuple(free @ a for a in directions), definite)
 
 
@@ -203,26 +199,6 @@ def _symmetric(entries: Any, count: int) -> Any:
 def _eigenvalues(form: Any, tolerance: float) -> Any:
     values = np.linalg.eigvalsh(form)
     return np.where(np.abs(values) > tolerance * np.max(np.abs(values)), values, 0.0)
-
-
-def _common_roots(forms: list[Any]) -> tuple[Any, ...]:
-    """Return the unit vectors a, up to sign, with a^T B a = 0 for all forms, by Newton from many directions."""
-    count = len(forms[0])
-    directions: list[Any] = []
-    for k in range(1, STARTS + 1):
-        a = np.array([2 * radical_inverse(k, prime) - 1 for prime in (2, 3, 5, 7, 11, 13)[:count]])
-        for _ in range(30):
-            residual = np.append([a @ b @ a for b in forms], a @ a - 1)
-            slope = np.vstack([*(2 * a @ b for b in forms), 2 * a])
-            if np.linalg.cond(slope) > 1e8:  # a multiple root, or none: not decided to second order
-                break
-            a = a - np.linalg.lstsq(slope, residual, rcond=None)[0]
-        else:
-            if np.max(np.abs(residual)) < SATISFIED and all(
-                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in directions
-            ):
-                directions.append(a)
-    return tuple(directions)
 
 
 def advances(system: System, q: Any, t: float, direction: Any) -> bool:

@@ -1,0 +1,73 @@
+"""Paths through poses where several linkages that are stacked on each other are at their change points at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
+from refkin.proof.path.curve import Crossing, common_roots
+from refkin.proof.path.tracing import TraceEnd
+
+
+def stacked(bases):
+    """Parallelograms one after the other, the follower of one the crank of the next, all flat at once at t = 0."""
+    at = np.cumsum([0.0, *bases]).tolist()
+    link = {"bar 0": (0.0, 0.0, -0.5)}
+    joints = [Revolute(name="O 0", body_i="ground", point_i=(0.0, 0.0), body_j="bar 0", point_j=(0.0, 0.0))]
+    for k, base in enumerate(bases, 1):
+        tip = at[k - 1] + math.cos(0.5), -math.sin(0.5)
+        link |= {f"coupler {k}": (*tip, 0.0), f"bar {k}": (at[k], 0.0, -0.5)}
+        for name, i, x, j, y in (
+            (f"A {k}", f"bar {k - 1}", 1.0, f"coupler {k}", 0.0),
+            (f"B {k}", f"coupler {k}", base, f"bar {k}", 1.0),
+            (f"O {k}", "ground", at[k], f"bar {k}", 0.0),
+        ):
+            joints.append(Revolute(name=name, body_i=i, point_i=(x, 0.0), body_j=j, point_j=(y, 0.0)))
+    bodies = tuple(Body(name=name, estimate=q) for name, q in link.items())
+    crank = AngleDriver(name="crank", body="bar 0", law=Polynomial(coefficients=(0.0, 1.0)))
+    return Scene(mechanism=Mechanism(bodies, tuple(joints), (crank,)), times=(-0.5, 0.5), name="stacked")
+
+
+@pytest.mark.parametrize("bases", [(3.0, 2.0), (3.0, 2.0, 2.5)])
+def test_where_stacked_parallelograms_are_flat_at_once_the_branches_of_all_of_them_cross(bases):
+    """A follower turns with its crank, or as that of an antiparallelogram: -(base + 1) / (base - 1) times as fast."""
+    scene = stacked(bases)
+    (change,) = refkin.follow(scene).events
+    bars = [3 * k + 2 for k, body in enumerate(scene.mechanism.bodies) if body.name.startswith("bar")]
+    ratios = [(1.0, -(base + 1.0) / (base - 1.0)) for base in bases]
+    rates = [np.cumprod((1.0, *choice)) for choice in product(*ratios)]
+    found = [tangent.rate[bars] for tangent in change.tangents]
+
+    assert abs(change.t) < 1e-14
+    assert len(found) == len(rates)
+    assert all(min(np.max(np.abs(rate - one)) for one in found) < 1e-7 for rate in rates)
+    for tangent in change.tangents:
+        path = refkin.follow(scene, change, along=tangent, until=(-0.25, 0.25))
+        assert path.end is TraceEnd.RANGE
+        assert np.max(path.residual) < 1e-13
+        assert path.q[bars, 1] == pytest.approx(tangent.rate[bars] * path.t[1], rel=0.1)
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-10])
+def test_a_parallelogram_beside_another_that_is_none_keeps_its_own_change_point(off):
+    """The second one's links miss being equal by so much that its curves pass by each other."""
+    scene = stacked((3.0, 2.0))
+    joints = tuple(replace(j, point_i=(2.0 - off, 0.0)) if j.name == "B 2" else j for j in scene.mechanism.joints)
+    (change,) = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, joints=joints))).events
+
+    assert len(change.tangents) == 2
+
+
+def test_of_a_crossing_all_tangents_are_told_or_none():
+    """x^2 = y^2 and x y = z^2 have two real common directions; two others are not real, as far as anybody can tell."""
+    product_of_two = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    forms = np.array([np.diag([1.0, -1.0, 0.0]), product_of_two])
+
+    assert len(common_roots(list(forms))) == 2
+    assert Crossing(np.zeros(3), 0.0, 0.0, forms, np.eye(3)).tangents == ()
