@@ -80,12 +80,11 @@ def motion(
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
-    message = "; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed))))
     levels = without_spin(system, _by_pivots(system, levels, t, np.flatnonzero(~(pivot > CLEAR))))
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
-    sigma_min, condition, radius = evidence
+    sigma_min, condition, radius, covered = evidence
     return motion_of(
         system,
         scene,
@@ -97,7 +96,7 @@ def motion(
         condition=condition,
         certified_radius=radius,
         producer=Producer.of_refkin("refkin.fast", ROUTE),
-        message=message,
+        message="; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed), covered))),
     )
 
 
@@ -163,8 +162,8 @@ def _still(line: Any, q: Any, rates: Any, spin: Any = None) -> tuple[tuple[Any, 
 
 def _evidence(
     scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, pivot: Any
-) -> tuple[Any, Any, CertifiedRadius] | None:
-    """Return smallest singular value, condition and certified radii; None if some pose is not isolated by them."""
+) -> tuple[Any, Any, CertifiedRadius, str] | None:
+    """Return smallest singular value, condition, certified radii and what these cover; None if they fail a pose."""
     count = len(t)
     sigma_min, condition = nowhere(count), nowhere(count)
     proved = Evidence.CERTIFICATE in scene.evidence
@@ -186,13 +185,16 @@ def _evidence(
         return None  # there the reference also proves that the branch was never changed
     if proved:
         certified = _certified(system, made, levels, t)
-        return None if certified is None else (sigma_min, condition, certified)
-    return sigma_min, condition, no_radius(count)
+        return None if certified is None else (sigma_min, condition, *certified)
+    return sigma_min, condition, no_radius(count), ""
 
 
-def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
-    """Return certified radii: by the program of the proof, else by the dense one; None if float64 proves too little."""
-    absent = nowhere(len(t))
+def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> tuple[CertifiedRadius, str] | None:
+    """Return certified radii, and what they cover if not all choices of rows; None if float64 proves too little.
+
+    They are those of the program of the proof, else of the dense one.
+    """
+    absent, why = nowhere(len(t)), ""
     worth = len(t) >= MANY or max(map(len, made.program.blocks), default=0) <= LARGEST_SELECTED
     bounds = radii(system, made, levels, t) if system.m == system.n and worth else None
     if bounds is not None:
@@ -201,10 +203,10 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> Cer
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():
             return None  # what only balls can enclose is answered from there
-        position, rates = dense.position, [dense.velocity, dense.acceleration]
+        position, rates, why = dense.position, [dense.velocity, dense.acceleration], dense.why
     if any(system.unit.origin):  # moving a pose back to where the scene has it rounds once more
         position = position + np.max(half_ulp(system, levels[0]), axis=0)
-    return CertifiedRadius(position=position, velocity=rates[0], acceleration=rates[1])
+    return CertifiedRadius(position=position, velocity=rates[0], acceleration=rates[1]), why
 
 
 def residual(system: System, q: Any, t: Any) -> Any:

@@ -116,7 +116,7 @@ ELSEWHERE = {
     "{}: Newton's, {} found": "test_messages.py: an_assembly_that_alone_was_found",
     "nearer than {} others": "test_messages.py: an_assembly_that_alone_was_found",
     "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",
-    "{}: the bounds cover those whose inverse is at most {} times that of all rows": (
+    "{}: the bounds cover inverses of a Frobenius norm up to {} / sigma_min of all rows": (
         "test_hostile_scenes.py: too_many_to_certify"
     ),
     "{}: no error bound covers all of them": "test_hostile_scenes.py: too_many_choices",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from refkin import fast
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
@@ -217,7 +218,7 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     without = choices._over_all_choices(system, proof, groups, (*answers[:3], None))
     whole = choices._over_all_choices(system, proof, groups, answers)
     assert np.array_equal(without.velocity, whole.velocity)
-    assert "the bounds cover those whose inverse" in whole.why
+    assert "the bounds cover inverses of a Frobenius norm" in whole.why
     monkeypatch.setattr(choices, "unique_within", lambda *_: np.array([np.inf, 0.0, np.inf]))
     assert "no error bound covers all of them" in choices._over_all_choices(system, proof, groups, answers).why
 
@@ -233,6 +234,13 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     assert np.min(first) > 0.0
     for share, factor in ((0.01, 1.08), (0.015, 1.12), (0.016, np.nan)):
         np.testing.assert_allclose(far(first[0] / share), factor * np.array(first), rtol=1e-2)
+
+
+def test_the_fast_path_says_which_choices_its_bounds_cover_too(monkeypatch):
+    monkeypatch.setattr(choices, "MOST_CHOICES", 2)
+    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+
+    assert "more than 2 ways: the bounds cover inverses" in fast.attempt(scene).message
 
 
 def test_what_is_proved_of_a_pose_is_the_same_beside_poses_that_are_proved_by_other_rows():

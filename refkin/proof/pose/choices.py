@@ -8,11 +8,11 @@ is, so the bounds cover them: each choice is certified at the same answer, and t
 From one choice to the next some rows S_I give way to rows D_J that were left out; the new rows are independent where
 det (D S^-1)[J, I] is not zero.
 
-Loops of space have thousands of choices. There the bounds cover those that serve as well as the first: whose inverse is
-at most `WORSE` times that of all rows together. How far they lead from the first is computed at each pose to first
-order. With R = phi_q[S]^-1 and F = phi_q[D] R, what solves S for a right side w is y = R w[S], what solves the other
-choice y + R[:, I] a with a = F[J, I]^-1 (w[D] - phi_q[D] y)[J]. For poses w = -phi; for velocities and accelerations w
-is linear in what the levels below are moved by, so each a is linear in the a's before it.
+Loops of space have thousands of choices. There the bounds cover those that serve as well as the first: whose inverse
+has a Frobenius norm of at most `WORSE` / sigma_min of all rows together. How far they lead from the first is computed
+at each pose to first order. With R = phi_q[S]^-1 and F = phi_q[D] R, what solves S for a right side w is y = R w[S],
+what solves the other choice y + R[:, I] a with a = F[J, I]^-1 (w[D] - phi_q[D] y)[J]. For poses w = -phi; for
+velocities and accelerations w is linear in what the levels below are moved by, so each a is in the a's before it.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _over_all_choices(system: System, proof: Isolation, groups: Groups, answers:
         if np.isnan(bounds[0][asked]).any():
             why = f"{why}: no error bound covers all of them"
         else:
-            why = f"{why}: the bounds cover those whose inverse is at most {WORSE:g} times that of all rows"
+            why = f"{why}: the bounds cover inverses of a Frobenius norm up to {WORSE:g} / sigma_min of all rows"
     return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
 
 

@@ -262,7 +262,7 @@ def test_rows_are_chosen_at_each_pose():
 
     assert motion.verdict is Status.OK
     assert np.max(motion.certified_radius.acceleration) < 1e-13
-    assert "the bounds cover those whose inverse is at most 3 times that of all rows" in motion.message
+    assert "the bounds cover inverses of a Frobenius norm up to 3 / sigma_min of all rows" in motion.message
 
 
 @pytest.mark.parametrize("ulps", [0, 16])
