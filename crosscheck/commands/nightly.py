@@ -17,7 +17,7 @@ from crosscheck.commands.usage import Json, Whole, coloured, console, positive, 
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
-from crosscheck.night.campaign import make_room, run, seed_of
+from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
 from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
@@ -96,6 +96,7 @@ def nightly(
     """
     if baseline is not None:
         golden.read(baseline)
+    refuse_others(out)
     if fresh:
         make_room(out)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)

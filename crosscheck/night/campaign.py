@@ -116,6 +116,13 @@ FILES = (
 """What a night writes into its folder, beside the scenes of disagreements."""
 
 
+def refuse_others(out: Path) -> None:
+    """Raise OtherRun if something else stands where a night writes a file: what is read from a pipe never ends."""
+    for path in (out / name for name in FILES):
+        if path.exists() and not path.is_file():
+            raise OtherRun(f"{path}: expected a file, got a folder, a pipe or a device: choose another folder")
+
+
 def make_room(out: Path) -> None:
     """Remove what a finished night has written into a folder, and nothing else; one that was killed stays.
 
@@ -169,9 +176,8 @@ class Turns:
                 raise OtherRun(f"{journal.path} holds records of another kind: choose another folder")
             self.runs.add(record.run)
             self.settle(record)
-        others = [line for line in journal.unreadable if not line.torn]
-        if others and not self.done:
-            first = others[0]
+        if journal.unreadable and not self.done:
+            first = journal.unreadable[0]
             where = f"{journal.path}, line {first.line}: {first.reason}"
             raise OtherRun(f"{where}; it holds no records of ours: choose another folder")
 
@@ -285,7 +291,7 @@ def _made(out: Path) -> dict[str, Any] | None:
         made = dict(json.loads(path.read_text(encoding="utf-8")))
         versions = {"refkin": made.get("refkin"), **made["versions"]}
         return {"seed": int(made["seed"]), "versions": versions, "date": made.get("date")}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:  # it may be a folder
+    except (OSError, ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as error:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 

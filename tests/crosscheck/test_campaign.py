@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -269,7 +270,9 @@ def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monke
         run(plan(tmp_path, scenes=3))
 
 
-@pytest.mark.parametrize("text", ['{"seed": 1', "[]", '{"seed": "x", "versions": {}}', "{}", "[" * 10**5])
+@pytest.mark.parametrize(
+    "text", ['{"seed": 1', "[]", '{"seed": 1e400, "versions": {}}', '{"seed": "x", "versions": {}}', "{}", "[" * 10**5]
+)
 def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
     (tmp_path / "run.json").write_text(text)
 
@@ -278,24 +281,24 @@ def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("name", "said", "code"),
-    [
-        ("run.json", " does not say what run it belongs to: choose another folder", 2),
-        ("records.jsonl", ": Is a directory", 4),
-    ],
+    "put", [os.mkdir, os.mkfifo, partial(os.symlink, "/dev/full")], ids=["folder", "pipe", "device"]
 )
-def test_a_folder_where_a_file_should_be_is_one_clear_line(tmp_path, command, name, said, code):
-    (tmp_path / name).mkdir()
+@pytest.mark.parametrize("name", ["run.json", "records.jsonl", "report.json"])
+def test_what_is_no_file_where_a_night_writes_one_is_one_clear_line(tmp_path, command, name, put):
+    """A pipe that nobody writes to, or a device that never ends, hung it; a folder ended the night after its scenes."""
+    put(tmp_path / name)
     told = command("nightly", "--out", tmp_path, "--scenes", 1)
 
-    assert (told.returncode, told.stderr) == (code, f"{tmp_path / name}{said}\n")
+    said = f"{tmp_path / name}: expected a file, got a folder, a pipe or a device: choose another folder\n"
+    assert (told.returncode, told.stderr) == (2, said)
 
 
-def test_a_folder_with_records_of_another_kind_is_refused(tmp_path):
-    (tmp_path / "records.jsonl").write_text('{"key": "a"}\n')
+@pytest.mark.parametrize("text", [b'{"key": "a"}\n', b"\x8f\x00 no text\n"])
+def test_a_folder_with_records_of_another_kind_is_refused(tmp_path, text):
+    (tmp_path / "records.jsonl").write_bytes(text)
 
     with pytest.raises(
-        OtherRun, match=r"records.jsonl, line 1: key: .*; it holds no records of ours: choose another folder"
+        OtherRun, match=r"records.jsonl, line 1: .*; it holds no records of ours: choose another folder"
     ):
         run(plan(tmp_path, scenes=1))
 
