@@ -81,7 +81,8 @@ class SparseNewton:
         for _ in range(ORDERS - 1):
             joints = draw.sample(mechanism.joints, len(mechanism.joints))
             orders.append(replace(mechanism, joints=tuple(joints)))
-        self.trees = [_turning(joint_tree(order), SPARSE) for order in orders]
+        trees = [_turning(joint_tree(order), SPARSE) for order in orders]
+        self.trees = list({(tree.edges, tree.closures): tree for tree in trees}.values())  # some orders give one tree
         self.models = [MujocoRows(Plan(tree, (*tree.closures, *tree.driven))) for tree in self.trees]
         for rows in self.models:
             rows.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
