@@ -105,8 +105,8 @@ class Bounded:
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
         size, most, most_x = self.size_of(mid), self.size + self.rounding, x.size
-        rounding = scaled(most_x, self.rounding) + scaled(most, x.rounding) + (self.unit * size + TINY)
-        spread = scaled(most_x + x.rounding, self.spread) + scaled(most + self.spread, x.spread)
+        rounding = scaled(self.rounding, most_x) + scaled(x.rounding, most) + (self.unit * size + TINY)
+        spread = scaled(self.spread, most_x, x.rounding) + scaled(x.spread, most, self.spread)
         return type(self)(mid, rounding, spread, size)
 
     __radd__ = __add__
@@ -129,9 +129,11 @@ class Bounded:
         return type(self)(mid, self.rounding + (4 * self.unit * size + TINY), self.spread, size)
 
 
-def scaled(size: Any, bound: Any) -> Any:
-    """Return the product with a bound; no bounds, as those of what is exact, cost nothing so."""
-    return size * bound if isinstance(bound, np.ndarray) or bound else 0.0
+def scaled(bound: Any, size: Any, more: Any = None) -> Any:
+    """Return a bound times a size, or a sum of two; no bounds, as those of what is exact, cost nothing so."""
+    if not (isinstance(bound, np.ndarray) or bound):
+        return 0.0
+    return bound * (size if more is None else size + more)
 
 
 class Extended(Bounded):
@@ -152,7 +154,7 @@ class Extended(Bounded):
 
     @staticmethod
     def size_of(mid: Any) -> Any:
-        return abs(mid).astype(float)
+        return abs(mid.astype(float))
 
 
 @dataclass(frozen=True)
