@@ -126,8 +126,8 @@ class Ahead:
                 size = np.max(np.abs(correction))
                 if not ROUGH < size <= 1.0:
                     break
-            qd = _solve(jacobian, _pushed(s, q, now, last))
-            if size <= ROUGH and (stride == 1 or np.max(np.abs(q - predicted)) <= NEAR) and np.isfinite(qd).all():
+            near = size <= ROUGH and (stride == 1 or np.max(np.abs(q - predicted)) <= NEAR)
+            if near and np.isfinite(qd := _solve(jacobian, _pushed(s, q, now, last))).all():
                 bend, k, stride = (qd - rate) / h, aim, min(2 * stride, STRIDE)
                 knots.append((now, q, qd))
             else:
