@@ -119,10 +119,10 @@ class Table:
         return np.array([self._spline.integrate(0.0, knot) for knot in self.argument])
 
     def _integral(self, t: Any) -> Any:
-        x, known = np.array(self.argument), 0.0 * self._spline(t)  # NaN beyond the ends
+        x, known = self._spline.x, 0.0 * self._spline(t)  # NaN beyond the ends
         turns = np.floor((t - x[0]) / (x[-1] - x[0])) if self.periodic else 0.0
-        t = np.clip(t - turns * (x[-1] - x[0]), x[0], x[-1])
-        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
+        t = np.minimum(np.maximum(t - turns * (x[-1] - x[0]), x[0]), x[-1])  # `np.clip` takes three times as long
+        k = np.minimum(np.maximum(x.searchsorted(t, side="right") - 1, 0), len(x) - 2)
         (a, b, c, d), s = self._spline.c[:, k], t - x[k]
         piece = s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
         return (piece + self._areas[k] + turns * (self._areas[-1] - self._areas[0]) + known)[()]
