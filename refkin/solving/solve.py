@@ -177,8 +177,9 @@ class _Answer:
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        digits = regular & has_digits(self.system, self.q[:, samples], self.t[samples])
-        ok = np.where(proved or redundant, False, self._closed(samples) & digits)
+        ok = np.zeros(len(samples), bool)
+        if not (proved or redundant):
+            ok = self._closed(samples) & regular & has_digits(self.system, self.q[:, samples], self.t[samples])
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])
         finite = np.isfinite(np.concatenate(self._called_for() or [self.q])).all(axis=0)
