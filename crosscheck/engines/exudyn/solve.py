@@ -132,7 +132,7 @@ class OwnSolver:
 
     def apart(self, q: Array, other: Array) -> float:
         """Return the largest component [sizes, rad] by which a pose differs from another."""
-        return _largest(q - other)
+        return _largest((q - other).ravel())
 
     def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
         """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it reached none or none is believed.
@@ -166,14 +166,14 @@ class OwnSolver:
 
         Each is started where the polynomial through the ones before it leads, the first on the tangent.
         """
-        q, times = [last.q[0]], np.append(last.t, t)
+        times, q = np.append(last.t, t), np.append(last.q, np.empty((len(t), self.shape[1])), axis=0)
         weights, solved = extrapolation(times), list[tuple[Array, float, Array]]()
         for k, at in enumerate(t.tolist(), 1):
-            start = weights[k, -k:] @ np.array(q[-BACK:]) if k > 1 else q[0] + (at - times[0]) * last.qd[0]
+            start = weights[k, -k:] @ q[max(k - BACK, 0) : k] if k > 1 else q[0] + (at - times[0]) * last.qd[0]
             one = self._reached(start, at)
             if one is None:
                 break
-            q.append(one[0])
+            q[k] = one[0]
             solved.append(one)
         return with_velocities(self, t[: len(solved)], *self._joined(solved)) if solved else last[:0]
 
@@ -383,5 +383,5 @@ def solved(jacobian: Array, right: Array) -> Array:
 
 def _largest(x: Array) -> float:
     """Return the largest component of a short vector, infinite if one is not finite."""
-    values = x.ravel().tolist()
+    values = x.tolist()
     return max(max(values), -min(values)) if math.isfinite(sum(values)) else math.inf
