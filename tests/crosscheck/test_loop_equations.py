@@ -36,7 +36,6 @@ def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
     return [
         ("four-bar", loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW), me581.four_bar(bar, given)),
         ("slider-crank", loops.slider_crank(0.2, 0.35, 0.1, LAW), shabana.CrankAndRod(0.2, 0.35).system(0.1, given)),
-        ("slider driven", slider_driven(), None),
         ("geared", geared(), None),
         (
             "inverted",
@@ -49,23 +48,15 @@ def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
     ]
 
 
-def slider_driven() -> vector_loop.LoopSystem:
-    """Return an inverted slider-crank with an offset, whose slide is driven: a length that follows a law."""
-    theta2, theta3 = Variable(unknown="theta2"), Variable(unknown="theta3")
-    slide = LoopVector(-1.0, Variable(laws=((1.0, SWING),)), theta3)
-    loop = (LoopVector(0.2, angle=theta2), LoopVector(-0.5), slide, LoopVector(-0.07j, angle=theta3))
-    return vector_loop.LoopSystem(("theta2", "theta3"), [loop])
-
-
 def geared() -> vector_loop.LoopSystem:
-    """Return a five-bar whose first and last links are geared to each other: a loop and a relation."""
+    """Return a five-bar whose first and last links are geared to each other, the last a slide that is driven."""
     first, second, third = (Variable(unknown=name) for name in ("a", "b", "c"))
     turned = Variable(0.3, laws=((1.0, LAW),))
     loop = (
         LoopVector(1.0, angle=turned),
         LoopVector(1.4, angle=first),
         LoopVector(-1.5, angle=second),
-        LoopVector(-1.1, angle=third),
+        LoopVector(-1.1, Variable(laws=((1.0, SWING),)), third),
         LoopVector(-2.0),
     )
     return vector_loop.LoopSystem(
