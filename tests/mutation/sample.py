@@ -173,15 +173,17 @@ class Run:
         modules = {what.target.partition(":")[0] for what, *_ in self.mutants}
         todo = self.reach.jobs(sorted(items, key=lambda item: -len(imported(item.path) & modules)), trees)
         jobs = [(k, run, 1200.0) for k, (_, run) in enumerate(todo)]
-        done, half = 0, (time.monotonic() + self.deadline) / 2
+        noted, half = 0, (time.monotonic() + self.deadline) / 2
         for done, (k, entries) in enumerate(in_parallel(jobs, self.workers, half), 1):
-            self.reach.take(todo[k][0], entries or ())
+            if entries is not None:  # a process that died has noted nothing: the next run notes its part
+                self.reach.take(todo[k][0], entries)
+                noted += 1
             print(f"\r{done} of {len(jobs)} parts of the suite noted", end="", file=sys.stderr, flush=True)
             if done % 4 == 0:
                 self.reach.save()
         print(file=sys.stderr)
         self.reach.save()
-        return done == len(jobs)
+        return noted == len(jobs)
 
     def doubt(self, items):
         """Take back the kills of tests that are red without a mutant, too."""

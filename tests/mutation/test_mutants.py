@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import ast
 import inspect
+import os
+import signal
 import time
 from inspect import signature
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,7 +18,7 @@ from tests.mutation.change import DoesNotFit, changed_function, compiled, mutate
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
 from tests.mutation.operators import changes
 from tests.mutation.reach import key, probes, segments
-from tests.mutation.sample import VERDICTS, kept, stale, verdicts
+from tests.mutation.sample import VERDICTS, Run, kept, stale, verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -200,3 +203,15 @@ def test_every_verdict_is_of_a_change_that_the_code_still_has():
 def test_of_every_sample_that_is_kept_it_is_told_what_became_of_all():
     for sample in kept()["sample"]:
         assert sample["tried"] == sum(sample[fate] for fate in ("died", "equivalent", "time", "alive")) > 0, sample
+
+
+def test_a_part_of_the_suite_whose_process_dies_is_not_taken_for_noted(monkeypatch):
+    """An alarm that rings in an engine's C++ may end Python: no test of that part would be asked again."""
+    taken = []
+    jobs = [(["dies"], lambda: os.kill(os.getpid(), signal.SIGKILL)), (["ends"], lambda: [("ends", 0.0, ())])]
+    reach = SimpleNamespace(jobs=lambda *_: jobs, take=lambda *part: taken.append(part), save=lambda: None)
+    monkeypatch.setattr("tests.mutation.sample.candidates", lambda names: ())
+    run = Run(SimpleNamespace(workers=1, minutes=1.0), reach)
+
+    assert not run.note([])
+    assert taken == [(["ends"], [("ends", 0.0, ())])]
