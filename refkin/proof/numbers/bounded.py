@@ -105,8 +105,8 @@ class Bounded:
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
         size, most, most_x = self.size_of(mid), self.size + self.rounding, x.size
-        rounding = scaled(self.rounding, most_x) + scaled(x.rounding, most) + (self.unit * size + TINY)
-        spread = scaled(self.spread, most_x, x.rounding) + scaled(x.spread, most, self.spread)
+        rounding = _scaled(self.rounding, most_x) + _scaled(x.rounding, most) + (self.unit * size + TINY)
+        spread = _scaled(self.spread, most_x, x.rounding) + _scaled(x.spread, most, self.spread)
         return type(self)(mid, rounding, spread, size)
 
     __radd__ = __add__
@@ -129,7 +129,7 @@ class Bounded:
         return type(self)(mid, self.rounding + (4 * self.unit * size + TINY), self.spread, size)
 
 
-def scaled(bound: Any, size: Any, more: Any = None) -> Any:
+def _scaled(bound: Any, size: Any, more: Any = None) -> Any:
     """Return a bound times a size, or a sum of two; no bounds, as those of what is exact, cost nothing so."""
     if not (isinstance(bound, np.ndarray) or bound):
         return 0.0
