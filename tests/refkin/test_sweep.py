@@ -179,6 +179,18 @@ def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_a
     assert len(sweep.t) == len(sweep.q)
 
 
+@pytest.mark.parametrize(("slack", "alone"), [(1e-8, True), (0.0, False)])
+def test_the_last_pose_is_alone_at_its_own_time_or_is_known_to_be_singular(slack, alone):
+    """Almost flat, where the other assembly is near; the poses before, and their times, are half a radian off and more."""
+    linkage, t = FourBar(ground=4.0, crank=1.0, coupler=2.0 + slack, rocker=3.0), [0.0, 0.5, 1.0]
+    m = linkage.scene(law=Polynomial(coefficients=(math.pi - 1.0, 1.0)), times=(0.0,)).mechanism
+    system, poses = compile_system(m, unit=m.unit()), [linkage.assemble(math.pi - 1.0 + x) for x in t]
+    q = [system.to_unit(np.concatenate([pose[body.name] for body in m.bodies])) for pose in poses]
+    sweep = Sweep(system, t, q)
+
+    assert (sweep._is_alone(), not sweep.singular) == (alone, alone)
+
+
 def test_a_law_that_turns_back_a_rounding_before_the_time_itself_does_not_stop_it_there(monkeypatch):
     sweep = started(Sinusoid(offset=0.5, amplitude=0.2, angular_frequency=0.01))
     monkeypatch.setattr(Sweep, "_is_alone", lambda _: False)

@@ -520,6 +520,19 @@ def test_samples_that_jump_to_the_other_branch_are_noticed(monkeypatch):
     assert np.max(errors(many, lengths)[many.ok]) < 1e-12
 
 
+@pytest.mark.parametrize("move", [1e-9, 0.1, 10.0])
+def test_a_sample_goes_on_where_it_and_its_rates_are_near_the_prediction(move):
+    """Off by a part of what it moved, within a limit, and rates by as much as that over the step; or by rounding."""
+    limit = min(block.FARTHEST, max(block.PART * move, block.SMALL))
+    off, guess, rates, h = limit * np.array([[0.99, -0.99, 1.01, -1.01, 0.99, 0.0, 0.0]]), np.zeros((1, 7)), 2.0, 0.5
+    most = np.maximum(block.SMOOTH * np.abs(off), block.SMALL)
+    bent = most / h * [[0.99, -0.99, 0.0, 0.0, 1.01, 0.99, 1.01]]
+    history = [None, [off - move], (off, rates + bent, None)]
+    going_on = block.Block._continues(SimpleNamespace(history=history, count=7), guess, rates, h)
+
+    assert going_on.tolist() == [True, True, False, False, False, True, False]
+
+
 def test_without_the_checks_of_the_branch_the_jump_is_answered(monkeypatch):
     everything = lambda self, *_: np.ones(self.count, bool)  # noqa: E731
     monkeypatch.setattr(block.Block, "_regular", everything)
