@@ -181,7 +181,7 @@ def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_a
 
 @pytest.mark.parametrize(("slack", "alone"), [(1e-8, True), (0.0, False)])
 def test_the_last_pose_is_alone_at_its_own_time_or_is_known_to_be_singular(slack, alone):
-    """Almost flat, where the other assembly is near; the poses before, and their times, are half a radian off and more."""
+    """Almost flat, where the other assembly is near; the poses before, and their times, are half a radian off."""
     linkage, t = FourBar(ground=4.0, crank=1.0, coupler=2.0 + slack, rocker=3.0), [0.0, 0.5, 1.0]
     m = linkage.scene(law=Polynomial(coefficients=(math.pi - 1.0, 1.0)), times=(0.0,)).mechanism
     system, poses = compile_system(m, unit=m.unit()), [linkage.assemble(math.pi - 1.0 + x) for x in t]
