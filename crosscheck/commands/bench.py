@@ -45,13 +45,13 @@ def bench(
     only
         A workload, such as sweep-1000; may be given more than once. All by default, which takes some minutes.
     """
-    unknown = [name for name in only or () if name not in workloads.names()]
+    unknown = [name for name in only or () if name not in workloads.WORKLOADS]
     if unknown:
-        there = ", ".join(workloads.names())
+        there = ", ".join(workloads.WORKLOADS)
         raise UsageError(f"--only: no workload is called {unknown[0]!r}; there are: {there}")
     producers = (*OURS, *names(engines, always=()))
     parts: list[dict[str, Any]] = []
-    asked = only or workloads.names()
+    asked = only or list(workloads.WORKLOADS)
     with shown_progress(len(asked), noun="workloads") as show:
         for name in asked:
             show(len(parts), name)

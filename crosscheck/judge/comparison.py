@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, propagation, times_with
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
+from crosscheck.scenes.names import decade
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -61,8 +61,8 @@ class Reference:
 
     @cached_property
     def decades(self) -> list[int | None]:
-        """The decade of the distance to a singular pose at each time (`decades_of`)."""
-        return decades_of(self.sigma_min)
+        """The decade of the distance to a singular pose at each time; None where there is none, or zero."""
+        return [decade(s) for s in self.sigma_min.tolist()]
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors against another answer."""
@@ -70,11 +70,6 @@ class Reference:
         if key not in self._budgets:
             self._budgets[key] = self.propagation.budget(key)
         return self._budgets[key]
-
-
-def decades_of(sigma: Any) -> list[int | None]:
-    """Return the decade of each smallest singular value (T,); None where there is none, or zero."""
-    return [math.floor(math.log10(s)) if 0.0 < s < math.inf else None for s in sigma.tolist()]
 
 
 @dataclass(frozen=True)

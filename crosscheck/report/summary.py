@@ -5,7 +5,6 @@ The verdict of a night follows from its counts; the worst comes first.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -14,11 +13,12 @@ from typing import Any
 
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
-from crosscheck.night.plan import GOLDEN, Golden, read_outcome
+from crosscheck.night.plan import GOLDEN, OUTCOME, Golden, NightOutcome
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.disagreements import Disagreements, Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured
-from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
+from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together
+from crosscheck.scenes.names import decade
 
 OWN_ROWS = ("residual", "jacobian", "constraint_velocity", "gamma")
 ROWS, ANY = "rows", "any"
@@ -33,11 +33,11 @@ class Summary:
     """Adds up records; `described` gives the report."""
 
     def __init__(self, folder: Path) -> None:
-        self.run, self.failures = read_run(folder)
+        self.failures: list[str] = []
+        self.run: dict[str, Any] = self._read(folder, "run.json", dict[str, Any]) or {}
         self.measured, faults = measured(folder)
         self.failures += faults
-        self.outcome, faults = read_outcome(folder)
-        self.failures += faults
+        self.outcome: NightOutcome | None = self._read(folder, OUTCOME, NightOutcome)
         self.golden: Golden | None = self._read(folder, GOLDEN, Golden)
         self.documents: Documents | None = self._read(folder, "documents.json", Documents)
         self.pictures: Pictures | None = self._read(folder, "pictures.json", Pictures)
@@ -241,16 +241,6 @@ class Summary:
             listed = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
             notes.append(f"compared configurations without a finite number of digits: {listed}")
         return notes
-
-
-def read_run(folder: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return what run.json says about how the run was made, empty if there is none, and what is wrong with it."""
-    path = folder / "run.json"
-    try:
-        run = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    except ValueError as error:
-        return {}, [f"run.json cannot be read: {error}"]
-    return (run, []) if isinstance(run, dict) else ({}, ["run.json holds no object"])
 
 
 def _quantity(level: str) -> str:

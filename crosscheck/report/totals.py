@@ -11,20 +11,13 @@ from typing import Any
 
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, Answer, Disagreement, Record, ReferenceRow, RefusalRow
 from crosscheck.report.cells import Digits, RecordLine, describe
-from crosscheck.scenes.names import CELL, cell_of, features_of
+from crosscheck.scenes.names import CELL, cell_of, decade, features_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
 NOT_PROPERTIES = ("shard",)
 """What the generator says about a scene to find it again, not to describe it."""
 OTHERS = "others"
-
-
-def decade(value: float | None) -> int | None:
-    """Return the decade [10^d, 10^(d+1)) of a positive number; None for anything else."""
-    if value is None or not math.isfinite(value) or value <= 0:
-        return None
-    return math.floor(math.log10(value))
 
 
 class Coverage:
@@ -148,8 +141,8 @@ class Peers:
                 if digits is not None:
                     of_quantity[math.floor(10 * digits)] += 1
         for quantity, histograms in (record.reference.rounding_by_sigma if record.reference else {}).items():
-            for decade, histogram in histograms.items():
-                self.rounding.setdefault(quantity, Digits()).add(decade, histogram)
+            for near, histogram in histograms.items():
+                self.rounding.setdefault(quantity, Digits()).add(near, histogram)
 
     def agreement_described(self) -> list[dict[str, Any]]:
         """Return one row per pair: for each quantity the median over scenes and the worst scene."""

@@ -34,6 +34,11 @@ def called_for(scene: Scene, levels: Sequence[Any]) -> tuple[Any, Any, Any]:
     return q, qd if Effect.VELOCITY in scene.effects else None, qdd if Effect.ACCELERATION in scene.effects else None
 
 
+def decade(value: float | None) -> int | None:
+    """Return the decade [10^d, 10^(d+1)) of a positive number; None for anything else."""
+    return math.floor(math.log10(value)) if value is not None and 0.0 < value < math.inf else None
+
+
 FEATURES = ("joints", "driver", "law", "class", "hardness")
 CELL = (*FEATURES, "decade of the distance")
 """What of a drawn scene is counted together: one cell of the table of coverage."""
@@ -43,9 +48,8 @@ def cell_of(about: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the cell of the table of coverage that a scene belongs to; None if it was not drawn."""
     if not all(name in about for name in FEATURES):
         return None
-    distance = about.get("distance")
-    decade = str(math.floor(math.log10(distance))) if distance else "none"
-    return (*(str(about[name]) for name in FEATURES), decade)
+    near = decade(about.get("distance"))
+    return (*(str(about[name]) for name in FEATURES), "none" if near is None else str(near))
 
 
 def features_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -232,11 +232,6 @@ SPACING = 1.5
 Workload = FourBars | SpatialLoops | LoopChain
 
 
-def names() -> tuple[str, ...]:
-    """Return the names of all workloads, in the order in which they are run."""
-    return tuple(WORKLOADS)
-
-
 def workload(name: str) -> Workload:
     """Return a workload by its name; KeyError if there is none."""
     return WORKLOADS[name](name)
@@ -269,6 +264,7 @@ WORKLOADS: dict[str, Callable[[str], Workload]] = {
     "rssr-1000": partial(one_rssr, times=SWEEP),
     "rssrs-100x72": partial(many_rssrs, mechanisms=100, times=72),
 }
+"""In the order in which they are run."""
 
 
 def grashof(count: int, margin: float) -> Any:

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, plain, read_line
+from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, plain, read_file, read_line
 from crosscheck.night.plan import NightOutcome, write_outcome
 from crosscheck.report.build import build
-from crosscheck.report.summary import read_run
 
 ROUTES = {"pinocchio": "joint tree", "mujoco": "newton", "exudyn": "static newton"}
 WHO = {
@@ -134,7 +133,7 @@ def built(folder: Path, ended: NightOutcome | None = None, gaps: Sequence[KnownG
 
 def versions_of(folder: Path) -> Any:
     """Return which engines the run in a folder had, and lacked, and which it required."""
-    run, _ = read_run(folder)
+    run = read_file(folder / "run.json", dict[str, Any])[0] or {}
     return {name: run.get(name, empty) for name, empty in (("versions", {}), ("missing", {}), ("required", []))}
 
 

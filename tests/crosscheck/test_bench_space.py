@@ -162,7 +162,7 @@ def test_cranks_of_many_rssrs_turn_fully_and_all_differ():
 def test_workloads_of_space_are_as_large_as_their_names_say():
     sizes = {
         name: (works.workload(name).mechanisms, works.workload(name).configurations)
-        for name in works.names()
+        for name in works.WORKLOADS
         if name.startswith("rssr")
     }
 

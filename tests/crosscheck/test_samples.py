@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.judge.comparison import QuantityComparison, compare, decades_of, reference
+from crosscheck.judge.comparison import QuantityComparison, compare, reference
 from crosscheck.judge.records import Cause, Disagreement, Unreadable, line_of, read_line
 from crosscheck.judge.samples import by_decade, off_at, rounding_digits, short
 from crosscheck.measure.check import check
 from crosscheck.night.sections import worst_sample
+from crosscheck.scenes.names import decade
 from refkin import FourBar, Polynomial, solve
 
 OFF = 3e-7
@@ -95,7 +96,7 @@ def test_digits_are_counted_by_decade_where_both_they_and_the_distance_to_a_sing
     sigma = np.array([3e-3, 1e-3, 0.0, np.nan, 0.5, 0.5, 0.5])
     digits = np.array([5.0, 5.04, 6.0, 7.0, 9.0, np.nan, np.inf])
 
-    assert by_decade(decades_of(sigma), digits) == {-3: {50: 2}, -1: {90: 1}}
+    assert by_decade([decade(s) for s in sigma], digits) == {-3: {50: 2}, -1: {90: 1}}
 
 
 def test_a_disagreement_says_its_ratio_if_it_has_one():
