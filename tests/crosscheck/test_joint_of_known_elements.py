@@ -163,6 +163,22 @@ def test_every_engine_that_has_its_elements_answers_and_agrees(engine, first):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SliderOnTwoPins(BesideSlider):
+    """The same formulas; its elements hold two points of it on the line, the second a metre on, in its own frame."""
+
+    def elements(self) -> Iterator[Element]:
+        first, _ = super().elements()
+        yield from (first, replace(first, point_j=(float(np.cos(self.angle)), -float(np.sin(self.angle)))))
+
+
+def test_two_elements_of_a_kind_in_one_joint_have_unknowns_of_their_own_in_vector_loops():
+    record = check(slider_crank(SliderOnTwoPins), ["vector_loop"])
+
+    assert list(record.disagreements) == []
+    assert {answer.compared for answer in record.answers} == {7}
+
+
+@dataclass(frozen=True, kw_only=True)
 class ElsewhereSlider(BesideSlider):
     """The same formulas; but its elements have the line a millimetre off."""
 

@@ -108,7 +108,7 @@ class VectorChains:
         if isinstance(e, joints.PointCoordinate):
             origin = self._estimates.origin
             along, shift = (1j, origin.imag) if e.axis else (1.0, origin.real)
-            across = self._unknown(f"coordinate across {e.name}", (gap / (1j * along)).real)
+            across = self._unknown(f"coordinate across {_called(e)}", (gap / (1j * along)).real)
             return LoopVector(along, self._law(e.laws[0], shift)), LoopVector(1j * along, across)
         if isinstance(e, joints.PointDistance):
             length, sign = Variable(e.length / size), 1.0
@@ -116,7 +116,7 @@ class VectorChains:
                 length, sign = self._law(e.laws[0]), math.copysign(1.0, e.laws[0](self._t0))
             return (self._link(e, length, sign * gap),)
         if isinstance(e, joints.GuidedPoint):
-            (x, y), slide = e.axis_i, self._slide(f"slide on {e.name}", e.body_i, e.axis_i, gap)
+            (x, y), slide = e.axis_i, self._slide(f"slide on {_called(e)}", e.body_i, e.axis_i, gap)
             aside = LoopVector(e.offset / size * complex(-y, x) / math.hypot(x, y), angle=self._angles[e.body_i])
             return (aside, slide) if e.offset else (slide,)
         if isinstance(e, joints.RollingOnLine):
@@ -126,7 +126,7 @@ class VectorChains:
         )
 
     def _link(self, e: joints.Element, length: Variable, gap: complex) -> LoopVector:
-        return LoopVector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))
+        return LoopVector(1.0, length, self._unknown(f"direction of {_called(e)}", math.atan2(gap.imag, gap.real)))
 
     def _slide(self, name: str, body: str, axis: joints.Pair, gap: complex) -> LoopVector:
         """Return a vector of unknown length along an axis of a body."""
@@ -137,8 +137,8 @@ class VectorChains:
     def _rack(self, e: joints.RollingOnLine, gap: complex) -> tuple[LoopVector, ...]:
         """Return slides along the axis and across; along - s0 - radius (phi_j - phi_i - phi0) = 0 is a relation."""
         size, (x, y) = self._estimates.size, e.axis_i
-        along = self._slide(f"slide on {e.name}", e.body_i, (x, y), gap)
-        across = self._slide(f"distance from {e.name}", e.body_i, (-y, x), gap)
+        along = self._slide(f"slide on {_called(e)}", e.body_i, (x, y), gap)
+        across = self._slide(f"distance from {_called(e)}", e.body_i, (-y, x), gap)
         radius = e.radius / size
         turning = ((-radius, self._angles[e.body_j]), (radius, self._angles[e.body_i]))
         self.relations.append(AngleRelation(((1.0, along.length), *turning), radius * e.phi0 - e.s0 / size))
@@ -150,6 +150,11 @@ class VectorChains:
     def _unknown(self, name: str, guess: float) -> Variable:
         self.guesses[name] = guess
         return Variable(unknown=name)
+
+
+def _called(e: joints.Element) -> str:
+    """Return the joint's name, with the row of an element that is not its first: each has unknowns of its own."""
+    return f"{e.name}, row {e.row}" if e.row else e.name
 
 
 def angle_families(mechanism: Mechanism) -> tuple[dict[str, Variable], dict[str, tuple[str, ...]]]:
