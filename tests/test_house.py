@@ -250,6 +250,13 @@ def named(node):
     return {x.id for x in inner if isinstance(x, ast.Name)} | {x.attr for x in inner if isinstance(x, ast.Attribute)}
 
 
+def test_no_adapter_imports_the_type_of_a_joint():
+    """Nor can it ask for one by another name then."""
+    names = {path: {name.rpartition(".")[2] for name in imported(path)} for path in adapters()}
+
+    assert {path: said & JOINT_NAMES for path, said in names.items() if said & JOINT_NAMES} == {}
+
+
 def test_a_joint_is_built_from_its_elements_not_from_its_type():
     paths = [path for package in ("refkin", "crosscheck") for path in sources(package) if path.parent.name != "joints"]
     values = [where for path in paths for where in questions(path)]
@@ -276,7 +283,13 @@ def test_one_class_is_the_method_of_an_engine():
 def is_a_method(node):
     annotated = [x for x in node.body if isinstance(x, ast.AnnAssign) and isinstance(x.target, ast.Name)]
     called = any("Callable" in named(x.annotation) for x in annotated)
-    asked = {x.name for x in node.body if isinstance(x, ast.FunctionDef)} & {"solve", "run", "build", "measure"}
+    asked = {x.name for x in node.body if isinstance(x, ast.FunctionDef)} & {
+        "solve",
+        "run",
+        "build",
+        "measure",
+        "__call__",
+    }
     holds = {x.target.id for x in annotated} & {"engine", "setting"}
     derived = any("Method" in named(base) for base in node.bases)
     return node.name.endswith(("Method", "Knob", "Bench")) or derived or bool(holds and (called or asked))
@@ -311,8 +324,8 @@ def test_a_class_name_is_used_once():
 
 def enumerations():
     """Yield (module, class) for every enumeration, those of an enumeration of ours included."""
-    names = {"Enum", "StrEnum", "Member"}
-    yield from ((module, node) for module, node in classes() if names & {x for b in node.bases for x in named(b)})
+    ends = ("Enum", "Flag", "Member")
+    yield from (pair for pair in classes() if any(x.endswith(ends) for b in pair[1].bases for x in named(b)))
 
 
 def is_said(node, k):
@@ -434,7 +447,9 @@ def test_attainable_is_one_thing_half_an_ulp_of_what_is_given():
 
 @pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))
 def test_child_processes_begin_in_one_place(path):
-    ways = {name.split(".")[0] for name in imported(path)} & {"multiprocessing", "concurrent", "subprocess", "joblib"}
+    attributes = {node.attr for node in ast.walk(tree(path)) if isinstance(node, ast.Attribute)}
+    names = {name.split(".")[0] for name in imported(path)} | attributes
+    ways = {x for x in names if re.match("multiprocessing|concurrent|.*subprocess|joblib|fork|posix_spawn|popen", x)}
 
     assert not ways or path.parent.name == "workers" or path.name == "c_kernels.py"  # which calls a compiler
 
@@ -443,10 +458,10 @@ SHARED = 6
 
 
 def passages(paths):
-    """Return the runs of so many lines of some files, without imports and what is empty."""
+    """Return the runs of so many lines of some files, without imports, comments, and what is empty."""
     seen = set()
     for path in paths:
-        text = path.read_text(encoding="utf-8")
+        text = re.sub(r"^ *#.*", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
         nodes = [node for node in ast.walk(tree(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
         of_imports = {k for node in nodes for k in range(node.lineno, node.end_lineno + 1)}
         said = [line.strip() for k, line in enumerate(text.splitlines(), 1) if k not in of_imports and line.strip()]
