@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -42,18 +42,31 @@ the formulas' own (what multiplies a position's residual is their running error)
 links makes, a million, or what the shortest link makes of a thousand (`_is_rounding`)."""
 
 
-DOCUMENTED: Mapping[tuple[str, str], Callable[[Scene], float]] = {
-    # exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8: "relative tolerance of residual for Newton (general goal of
-    # Newton is to decrease the residual by this factor)". It is of a residual of up to forty sizes or radians, whose
-    # norm takes metres for radians, and radians for metres.
-    ("exudyn", "stopping rule"): lambda scene: 4e-7 * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
-    # MuJoCo 4.0.0, doc/XMLreference.rst, option/tolerance = 1e-8: "Tolerance threshold used for early termination of
-    # the iterative solver." Of a soft constraint it leaves the root over k.
-    ("mujoco", "soft constraints"): lambda scene: 1e-3,
-    # Pinocchio 3.7.0, examples/simulation-closed-kinematic-chains.py: "eps = 1e-10".
-    ("pinocchio", "stopping rule"): lambda scene: 1e-10,
+@dataclass(frozen=True)
+class Documented:
+    """A tolerance that an engine states: the largest residual, in sizes, that it leaves; the sentence, and where."""
+
+    largest: Callable[[Scene], float]
+    quote: str
+    source: str
+
+
+DOCUMENTED: Mapping[tuple[str, str], Documented] = {
+    ("exudyn", "stopping rule"): Documented(
+        # Of a residual of up to forty sizes or radians; its norm takes metres for radians, and radians for metres.
+        lambda scene: 4e-7 * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
+        "relative tolerance of residual for Newton (general goal of Newton is to decrease the residual by this factor)",
+        "exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8",
+    ),
+    ("mujoco", "soft constraints"): Documented(
+        lambda scene: 1e-3,
+        "Tolerance threshold used for early termination of the iterative solver.",
+        "MuJoCo 4.0.0, doc/XMLreference.rst, option/tolerance = 1e-8: of a soft constraint it leaves the root over k",
+    ),
+    ("pinocchio", "stopping rule"): Documented(
+        lambda scene: 1e-10, "eps = 1e-10", "Pinocchio 3.7.0, examples/simulation-closed-kinematic-chains.py"
+    ),
 }
-"""Tolerances that engines state: the largest residual, in sizes, that a term of an engine leaves, with the sentence."""
 
 
 def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
@@ -248,7 +261,7 @@ def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
 
 def _most(engine: str, scene: Scene, term: Term) -> float:
     documented = DOCUMENTED.get((engine, term.name)) if term.level == QUANTITIES[0] else None
-    return max(ABSOLUTE, documented(scene)) if documented else ABSOLUTE
+    return max(ABSOLUTE, documented.largest(scene)) if documented else ABSOLUTE
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

@@ -237,14 +237,14 @@ def test_a_night_without_time_for_a_scene_ends_with_5(tmp_path, nightly):
 
 
 def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
-    nightly(tmp_path / "out", "--engines", "closed_form", scenes=1)
-    (tmp_path / "out" / "run.json").unlink()
-    records = tmp_path / "out" / "records.jsonl"
-    records.write_text("rubbish\n", encoding="utf-8")
-    process = nightly(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
+    asked = (tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT))
+    nightly(*asked, scenes=1)
+    with (tmp_path / "out" / "records.jsonl").open("a", encoding="utf-8") as records:
+        records.write("rubbish\n")
+    process = nightly(*asked, scenes=1)
 
     assert process.returncode == 1
-    assert "failed: records.jsonl, line 1 is no record: " in process.stderr
+    assert "failed: records.jsonl, line 2 is no record: " in process.stderr
 
 
 def test_a_log_shows_no_bar(tmp_path, nightly):

@@ -550,7 +550,7 @@ def test_there_are_no_radii_if_float64_does_not_prove_every_sample(monkeypatch, 
         dict.fromkeys(("position", "velocity", "acceleration"), np.zeros(2)),
     )
     proof = {"ok": [True, True], "bits": [53, 53], "contradiction": [0.0, 1.0], **levels, **doubt}
-    proof = SimpleNamespace(**{name: np.array(value) for name, value in proof.items()})
+    proof = SimpleNamespace(why="", **{name: np.array(value) for name, value in proof.items()})
     monkeypatch.setattr(answer, "radii", lambda *_: None)
     monkeypatch.setattr(answer, "isolate_every_choice", lambda *_: proof)
     some = [np.zeros((ready.system.n, 2))] * 3
