@@ -4,7 +4,7 @@ In this order:
 
 ================= ==================================================================================
 `vec`             vectors and the values of one body, in any arithmetic (of space: `joints.spatial_vectors`)
-`motion_laws`     f, f', f'': polynomial, sinusoid, table; as a value or as a rate
+`motion_laws`     f, f', f'': polynomial, sinusoid, table; given by values or by rates
 `joints`          every joint and driver: residual, Jacobian, nu, gamma, each written once (of space: `spatial...`)
 `model`           Body, Mechanism, Scene: what is asked
 `system`          phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
@@ -26,7 +26,7 @@ That is the reference, which runs alone. What stands above it is imported when i
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then of cams
+`q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then those of cams
 `qd`      velocities                              `qdd`: accelerations
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0; of a body `phi` is its angle
 `phi_q`   constraint Jacobian

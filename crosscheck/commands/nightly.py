@@ -80,7 +80,7 @@ def nightly(
     workers
         Worker processes; one per processor by default.
     cluster
-        Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
+        Check the scenes on a Dask cluster: `local` for one here (of `workers` processes), or a scheduler, `tcp://host:8786`.
     scene_seconds
         An engine that takes longer [s] on one scene is stopped, and counts as hanging.
     known_gaps

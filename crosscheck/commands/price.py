@@ -49,8 +49,8 @@ def price(
     page
         Write a page with the work-precision diagrams to this file, too.
     again
-        What an earlier run printed with --json: measure anew, and say in what share of the cells that differ by more
-        than the spread the winner is the same.
+        What an earlier run printed with --json: measure anew, and say how often the cheapest method is the same, where
+        it differs from the second by more than the spread.
     """
     writable("page", page)
     before = None if again is None else _earlier(again)

@@ -47,7 +47,7 @@ DIVISIONS, MOST_DIVIDED, PARTS, CLOSER = 4, 4, 32, 0.55
 ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
 STRIDE, ROUGH, MOST_ROUGH = 12, 6e-2, 6
-"""Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
+"""One in so many times has a rough pose; its last correction [rad, sizes], and how many it may take."""
 FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
@@ -182,9 +182,9 @@ def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) 
 
 
 def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses, Any]:
-    """Return poses at the first of the times, as many as were reached, and whether each follows from the one before.
+    """Return poses at the times, as far as they were reached, and whether each follows from the one before it.
 
-    The first follows from `last`.
+    The first one is held against `last`.
     """
     t = np.union1d(times, equations.extrema(np.append(last.t, times)))
     if hasattr(equations, "along"):  # an engine's own Newton goes from pose to pose
@@ -404,9 +404,9 @@ def _way(
 
 
 def _end(a: Poses, b: Poses) -> float:
-    """Return the time at which a branch seems to end that goes from pose a to b: rates go as the root of what is left.
+    """Return the time at which the branch through poses a and b seems to end; infinity if it does not.
 
-    So the inverses of their squares go straight to zero there.
+    Near a limit position rates grow as 1 / sqrt(end - t), so 1 / |qd|^2 falls to zero there along a straight line.
     """
     left, now = (float(1.0 / np.vdot(pose.qd, pose.qd)) for pose in (a, b))
     return float(b.t[0]) + float(b.t[0] - a.t[0]) * now / (left - now) if now < left < math.inf else math.inf

@@ -275,7 +275,7 @@ def one_by_one(
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
     """Return the methods of a producer: one of `OURS`, what `crosscheck.engines.load` takes, or an engine.
 
-    With a `use` those alone that are measured for it. EngineError if there is no such producer, or its package is
+    Given a `use`, only those that are measured for it. EngineError if there is no such producer, or its package is
     missing.
     """
     listed = _listed(engine)

@@ -6,9 +6,9 @@ An error term of an engine's own (`crosscheck.engines.Term`) is an allowance tha
 size of rounding is a derivation, to be read where it stands. Anything larger needs a sentence of the engine's
 documentation, which stands here and not in the adapter, and is granted up to what that sentence says.
 
-No answer is excused where the motion comes near to a singular pose between the times of a scene. An engine steps from
-time to time, so what lies between is its business too: where the motion all but meets the other branch there, no answer
-is no fault. The excuse is a pose of the reference with a certificate, not a guess.
+A missing answer is excused where the motion comes near to a singular pose between the times of a scene: an engine that
+steps from time to time has to pass it, and there the other branch is close. What excuses it is a certified pose of the
+reference, not a guess.
 """
 
 from __future__ import annotations
@@ -206,8 +206,8 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
 def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[dict[str, Any]]:
     """Yield where an engine's pose, called ok, does not close the mechanism, in and next to a singular pose.
 
-    No first-order statement holds of an error there, so no answer is held against the reference's. Of a residual it
-    does: rounding leaves as little of it as anywhere.
+    An error has no first-order bound there, so answers are not compared with the reference's. A residual has one:
+    rounding leaves as little of it as anywhere.
 
     Parameters
     ----------

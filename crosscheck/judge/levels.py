@@ -55,7 +55,7 @@ class Configuration:
 
     @cached_property
     def sizes(self) -> tuple[dict[Level, float], dict[Level, float]]:
-        """What an engine may add and take away again on the way to a row; in the second place of rows of turns.
+        """The size of what an engine may add and subtract on the way to a row: of points, then of turns.
 
         Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
         times all of these. Rows of turns are products of Euler parameters p, whatever the lengths: 1, |p'| and |p'|^2.

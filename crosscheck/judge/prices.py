@@ -54,12 +54,12 @@ class EffectRow:
     """What one effect costs in one engine by one method, and whether it changes anything.
 
     `microseconds` is what it adds per configuration, negative by noise alone, `without` what one costs without it, and
-    `spread` how far apart the first is taken from different rounds [microseconds]: what is no larger is noise. It is
+    `spread` how far the first differs between rounds [microseconds]: what is no larger is noise. It is
     never less than what an effect seems to save. It is `inert` if nothing else changes: no bit in refkin, nothing
     beyond the allowed error in an engine, no status. `largest_change` is the largest relative one of what both answers
     have, `worst` where. None is what could not be measured, or is not known: the engine has no such effect, or no
-    answer without it either. What is not `called_for` by any kinematic scene is switched on behind its back. `note`
-    says what was switched on, and why there is no number where there is none.
+    answer without it either. An effect that no kinematic scene calls for (`called_for`) is switched on all the same.
+    `note` says what was switched on, and why there is no number where there is none.
     """
 
     engine: str
@@ -160,10 +160,10 @@ def _best(offers: Sequence[Offer]) -> dict[str, Any] | None:
 
 
 def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
-    """Return of how many cells the winner differs from the second best in both lists, in how many it is the same one.
+    """Compare two lists of `cheapest`, cell by cell, where both tell the winner from the second best.
 
-    And what is to be said of each of the others. `first` and `again` are as `cheapest` returns them; the same is the
-    one with the same engine and method.
+    Returns the number of such cells, in how many of them the same engine and method win, and a sentence for each of the
+    others.
     """
     cells = same = 0
     changed = []

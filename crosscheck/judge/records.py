@@ -37,7 +37,7 @@ class Strict:
 
 
 class Cause(StrEnum):
-    """In what an answer is not what it must be."""
+    """What is wrong with an answer."""
 
     BEYOND = "beyond the allowed error"
     OTHER_ASSEMBLY = "other assembly"
@@ -135,7 +135,7 @@ class EnclosedTimes(Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Strict):
-    """One engine's answer to one scene by one method; `missing` times have none, `compared` were compared.
+    """One engine's answer to one scene by one method: none at `missing` times, compared at `compared`.
 
     `feature`: by a feature of the engine that its other methods avoid. `granted`: the error terms that the engine's
     documentation grants it beyond rounding, by name [sizes].
@@ -276,8 +276,8 @@ class Record(Strict):
 class NewCase(Strict):
     """A disagreement that no known gap accounts for, and the scene that shows it.
 
-    Of the record `key`, number `shard` in the night, or of the `case` of the golden set; with its scene file in the
-    folder of the night, whether that is a minimal scene, and what was done to have it.
+    The scene is that of the record `key`, number `shard` in the night, or of the `case` of the golden set. Its scene
+    `file` is in the folder of the night; `shrunk` says whether it was made minimal, `note` what was done for that.
     """
 
     disagreement: Disagreement
@@ -367,7 +367,7 @@ KEY_AND_NUMBER = re.compile(rb'\{"key":"([^"]*)".*?"shard":(\d+)')
 def read_records(path: Path) -> Iterator[tuple[int, Record | Unreadable]]:
     """Yield (line number, its record); nothing if there is no such file. One line is in memory at a time.
 
-    Left out is a scene that stands in another line, too, under a smaller number of the night: workers race.
+    Workers race, so a scene may have two lines: only that with the smaller number of the night is read.
     """
     if not path.exists():
         return

@@ -155,12 +155,12 @@ class NightPlan:
 class NightOutcome(Strict):
     """How a night ended.
 
-    Each engine that is there has its version and, in `engines`, what `crosscheck.engines.load` takes for it; `missing`
-    says of others why they cannot be loaded, `required` without which the night could not do: the required engines, or
-    all if not one was there. `checked` counts scenes with a record, those of an earlier part of a resumed run included;
-    what went wrong with the run itself `failed`. Of the disagreements those are `new` that no known gap accounts for.
-    The `gaps` are those that the night was held against, `possibly_closed` those that did not show in so many scenes of
-    their kind; `found_again`, with another table than our own, are all of our own, and after how many scenes each was.
+    `versions` has the engines that could be loaded, `engines` what `crosscheck.engines.load` takes for each, `missing`
+    why the others could not; `required` are those without which the night could not run: the required ones, or all if
+    none could be loaded. `checked` counts scenes with a record, those of an earlier part of a resumed run included;
+    `failed` says what went wrong with the run itself, `new` are the disagreements that no known gap accounts for.
+    `gaps` are the known gaps that the night was held against, `possibly_closed` those that did not show in so many
+    scenes of their kind; `found_again` (if another table was used) are all of ours, and after how many scenes each was.
     """
 
     versions: dict[str, str]

@@ -48,7 +48,7 @@ SAMPLES = 72
 FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
 CHAINS_EVERY = 7
-"""Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
+"""One in so many scenes is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
 UNEVEN, ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 2, 5, 12, 19, 28
 """Of so many scenes, which one has times that are not evenly apart, which ends in a singular pose or in none, which is
 for features of engines, and which has equal links: `strategies.verdicts`, `scenes.featured`."""

@@ -28,8 +28,8 @@ LONG = 0.05
 class Timing:
     """What one call costs: the least of all rounds [s], since what disturbs a measurement only ever adds to it.
 
-    `spread` is how far the median round lies above it, as a part of it; `turns` are one call in each round [s]: what
-    was timed together had its turns side by side.
+    `spread` is how far the median round lies above it, as a part of it; `turns` are one call in each round [s], in
+    which all that is timed together was called one after another.
     """
 
     seconds: float

@@ -29,7 +29,7 @@ DIVISIONS, MOST_DIVIDED, PARTS, SHRINKING = 4, 4, 10, 0.7
 FEW = 8
 """Fewer times than this are found sooner one after another."""
 STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 4
-"""Every how manieth time has a rough pose, its last correction [sizes, rad], and how many it may take."""
+"""One in so many times has a rough pose; its last correction [sizes, rad], and how many it may take."""
 MOST_CORRECTIONS = 30
 """Corrections after which a guess that has not come to round-off is given up; at a limit the error halves."""
 CURVED = 4.0

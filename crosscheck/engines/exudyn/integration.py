@@ -70,7 +70,7 @@ def _check(scene: Scene) -> None:
 
 
 def _keep(levels: list[Any], steps: int, count: Iterator[int], mbs: Any, t: float) -> bool:
-    """Keep the state after every so manieth step; exudyn calls this once before the first."""
+    """Keep the state after every `steps` steps; exudyn calls this once before the first."""
     k, rest = divmod(next(count), steps)
     if not rest and k < levels[0].shape[1]:
         data = mbs.systemData

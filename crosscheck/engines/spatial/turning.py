@@ -121,8 +121,8 @@ def common_columns(q: Array) -> Array:
 def joint_frame(axis: Rows, zero: Rows | None) -> Array:
     """Return the matrix of columns f, g, h: h along the axis, f the part of `zero` across it, g = h x f.
 
-    Where no zero is given, no row but that of an angle asks for it: f then lies towards the first axis of the frame
-    that is least along h but for three tenths, as the rows of a joint without one are stated.
+    Without a zero, which rows of an angle alone need, f is the part across h of an axis of the frame: of the first one
+    whose component along h is at most 1 / 0.7 of the smallest, as in the rows of a joint without one.
     """
     h = _near_one(axis)
     h = h / np.linalg.norm(h)

@@ -37,15 +37,15 @@ class TreeEngine(Protocol):
     closure_rows: int
 
     def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
-        """Return the residual (B, c) of the closures at q (B, n) and its Jacobian (B, c, n).
+        """Return the residual (B, c) of the closures at q (B, n), and its Jacobian (B, c, n).
 
-        And points in the ground frame, (B, P, 2), with theirs, (B, P, 2, n).
+        Then points in the ground frame, (B, P, 2), and their Jacobians, (B, P, 2, n).
         """
 
     def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
         """Return gamma of the closures (B, c), which is Jacobian times qdd.
 
-        And of points, (B, P, 2) each, if there are any: positions, velocities, and accelerations at qdd = 0.
+        Then of points, (B, P, 2) each, if there are any: positions, velocities, and accelerations at qdd = 0.
         """
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:

@@ -171,8 +171,8 @@ class LoopEquations(Equations):
 class LoopMarch:
     """Unknowns and rates (n, T) over the times: NaN where there is no answer, rates also where the pose is singular.
 
-    A status is OK, SINGULAR, or NOT_CONVERGED: not reached, which proves nothing. `residual` (T,) has largest closure
-    errors, in units of the system's scale.
+    A status is OK, SINGULAR, or NOT_CONVERGED: not reached, which proves nothing. `residual` (T,) is the largest
+    closure error at each time, in units of the system's scale.
     """
 
     t: Any

@@ -82,12 +82,12 @@ def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
 
 
 def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
-    """Return of which steps (T - 1,), from pose to pose, the ends do not tell that no block becomes singular between.
+    """Return (T - 1,) whether a block may become singular between two poses, for all that their determinants show.
 
-    A law that does not turn back moves one loop on and on, but that may move another to and fro: to its limit and back
-    again, between two times, with the same sign of its determinant at both. Then the determinant falls at first, and
-    rises at last, and its tangents at the ends meet near zero or below. Of redundant rows those are looked at that are
-    independent at the first pose: where all are singular so are these.
+    A law that does not turn back moves one loop on and on, but that loop may move another to its limit and back between
+    two times, with the same sign of its determinant at both. The determinant then falls at first and rises at last, and
+    its tangents at the two ends meet near zero or below. Of redundant rows only those are looked at that are
+    independent at the first pose: where all are singular, so are these.
 
     Parameters
     ----------
