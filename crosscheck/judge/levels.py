@@ -137,10 +137,10 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
 
 
 def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
-    """Return which rows, by name, a model has not once, although the engine's table has their element.
+    """Return the rows, by name, that a model does not have exactly once although the engine's table has their element.
 
-    A joint that is refused in part may be left out, whole; what it drives is not asked for. A map that makes nothing of
-    a row where that is zero (factor F'(0) = 0) has none.
+    A joint that is refused in part may be left out as a whole, and what it drives with it. A row whose map is flat at
+    zero (factor F'(0) = 0) counts as missing.
 
     Parameters
     ----------

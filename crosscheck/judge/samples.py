@@ -98,7 +98,7 @@ def rounding_digits(ref: Reference) -> dict[str, Any]:
 def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
     """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none.
 
-    Zero is the whole number: `0.0` in every sixth place makes a record half a percent longer.
+    Zero is written as a whole number: `0.0` in every sixth place makes a record half a percent longer.
     """
     if common is None or q.difference is None:
         return []

@@ -163,10 +163,10 @@ def _circles(one: CircleLocus, two: CircleLocus, arithmetic: Arithmetic) -> Inte
 def _moving(centre: Planar, foot: Planar, e: Planar, rows: Rows, chord: Planar) -> Planar:
     """Return centre + foot + chord with its derivatives: those that keep two rows zero, found one after the other.
 
-    A row is linear in the highest derivative. So what it says where that one is left out is what it must make up for:
-    along the unit vector e to the first row; along the chord, then, to the second, whose gradient is `reach` e + chord.
-    Each row is so kept to the rounding of its own terms, and with it what does not feel a short chord. The derivatives
-    of the chord's root would be lost by the cube of its shortness in all that is built on it.
+    A row is linear in the highest derivative, which so has to cancel what the row is without it: its component along
+    the unit vector e is found from the first row, then that along the chord from the second, whose gradient is `reach`
+    e + chord. Each row then holds to the rounding of its own terms, however short the chord is. To differentiate the
+    root that gives the chord would lose digits as its length to the power -3.
 
     Parameters
     ----------

@@ -146,9 +146,9 @@ class SpaceSystem(Equations):
         return column, 1.0, 0.0
 
     def start(self, t: float) -> Array:
-        """Return the coordinates nearest the estimates, angles that drivers hold by whole turns nearest their laws.
+        """Return the coordinates nearest the estimates; driven angles get the whole turns that their laws have.
 
-        An estimate says nothing of turns, and Newton's method would take the whole mechanism along on its way there.
+        An estimate says nothing of turns, and Newton's method would turn the whole mechanism to make up for them.
         """
         q = self.tree.start()
         for drive, law, what in self._driven:
