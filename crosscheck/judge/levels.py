@@ -169,7 +169,8 @@ def without_form(mechanism: Mechanism, form: str) -> list[Constraint]:
     half, other = (in_form(mechanism, one).constraints for one in ("half", form))
     turns = Counter(e.name for e in elements_of(mechanism.constraints) if e.kind in OF_FORM)
     pairs: list[Any] = [pair for pair in zip(half, other, strict=True) if turns[pair[0].name]]
-    return [a for a, b in pairs if sum(x is not y for x, y in zip(a.terms, b.terms, strict=True)) < turns[a.name]]
+    terms = [(a, getattr(a, "terms", ()), getattr(b, "terms", ())) for a, b in pairs]  # formulas of its own have none
+    return [a for a, x, y in terms if sum(p is not q for p, q in zip(x, y, strict=True)) < turns[a.name]]
 
 
 def compare_levels(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.judge.levels import without_form
 from crosscheck.measure.check import ROWS, check
 from crosscheck.night.moving_parts import SceneDrawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
@@ -264,3 +265,17 @@ class ElsewherePlate(PlateOfOneForm):
     def elements(self) -> Iterator[Element]:
         first, second = super().elements()
         yield from (first, replace(second, point_i=(0.0, 0.0, 1e-3)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlateOfItsOwn(PlateOfOneForm):
+    """Its formulas are written out, without terms of space."""
+
+    terms = property(lambda self: self.none)
+
+
+def test_a_joint_whose_formulas_are_written_out_has_them_in_one_form():
+    mechanism = plate_on_a_crank(PlateOfItsOwn).mechanism
+
+    assert [c.name for c in without_form(mechanism, "dot")] == ["P"]
+    assert without_form(mechanism, "half") == []

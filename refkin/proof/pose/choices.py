@@ -11,8 +11,8 @@ det (D S^-1)[J, I] is not zero.
 Loops of space have thousands of choices. There the bounds cover those that serve as well as the first: whose inverse
 has a Frobenius norm of at most `WORSE` / sigma_min of all rows together. How far they lead from the first is computed
 at each pose to first order. With R = phi_q[S]^-1 and F = phi_q[D] R, what solves S for a right side w is y = R w[S],
-what solves the other choice y + R[:, I] a with a = F[J, I]^-1 (w[D] - phi_q[D] y)[J]. For poses w = -phi; for
-velocities and accelerations w is linear in what the levels below are moved by, so each a is in the a's before it.
+what solves the other choice y + R[:, I] a with a = F[J, I]^-1 (w[D] - phi_q[D] y)[J]. For poses w = -phi. For
+velocities and accelerations w, and so a, is linear in what the levels below are moved by, which is in their a's.
 """
 
 from __future__ import annotations
