@@ -55,8 +55,8 @@ class Reference:
         if not times.size:
             return None
         k = int(times[times.size // 2])
-        at = np.s_[:, k : k + 1]
-        scale = {q: float(scales(self.levels[level][at], level)[0]) for level, q in enumerate(QUANTITIES)}
+        levels = [level[:, k : k + 1] for level in self.levels]
+        scale = {q: float(scales(levels, order)[0]) for order, q in enumerate(QUANTITIES)}
         return Common(k=k, scale=scale)
 
     @cached_property
@@ -77,9 +77,8 @@ class QuantityComparison:
     """One quantity of a comparison, per time; NaN where it was not compared.
 
     The largest `error` is in scaled coordinates, the largest `ratio` that to what is allowed, at `worst`; `digits` are
-    -log10 of the error relative to size (position) or to the largest component at that time (velocity, acceleration).
-    `difference` (n, T) is the answer minus the reference, signed, in the reference's scaled coordinates of bodies and
-    their order; NaN for bodies that the answer has not.
+    -log10 of the error relative to what `scales` says. `difference` (n, T) is the answer minus the reference, signed,
+    in the reference's scaled coordinates of bodies and their order; NaN for bodies that the answer has not.
     """
 
     error: Any
@@ -174,11 +173,17 @@ def rows_of(system: System, bodies: Sequence[str]) -> list[int]:
     return [k for body in bodies for k in range(system.n)[system.columns(body)]]
 
 
-def scales(ours: Any, level: int) -> Any:
-    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1)."""
-    largest = np.ones(ours.shape[1]) if level == 0 else np.max(np.abs(ours), axis=0)
-    largest[largest == 0.0] = 1.0
-    return largest
+def scales(levels: Sequence[Any], order: int) -> Any:
+    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1).
+
+    Of an acceleration it is the square of the largest velocity where that is more: it is part of the sum in which it
+    was rounded. `levels` are position, velocity and acceleration of the reference (n, T), scaled.
+    """
+    if order == 0:
+        return np.ones(levels[0].shape[1])
+    velocity, level = (np.max(np.abs(levels[k]), axis=0) for k in (1, order))
+    largest = np.maximum(level, velocity**order)
+    return np.where(largest == 0.0, 1.0, largest)
 
 
 def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)) -> tuple[Any, Any]:
@@ -239,6 +244,7 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
         theirs, ours = scaled(ref, motion.bodies, levels, at)
         differences = np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)])
         rows, where = rows_of(system, motion.bodies), slice(None) if samples.all() else samples
+        whole = [level[rows][:, at][:, where] for level in ref.levels]
         signed[:, rows] = np.where(samples, differences, np.nan)
         allowed = budget.levels[list(levels)][:, rows][..., at]
         if ref.passive:
@@ -250,7 +256,7 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
             ratios = off / allowed
             ratios[off == 0.0] = 0.0
             error[:, where], ratio[:, where] = np.max(off, axis=1), np.max(ratios, axis=1)
-            relative = np.array([error[i, where] / scales(ours[i][:, where], k) for i, k in enumerate(levels)])
+            relative = np.array([line / scales(whole, k) for line, k in zip(error[:, where], levels, strict=True)])
             digits[:, where] = np.minimum(MOST_DIGITS, -np.log10(relative))
         places = np.argmax(np.fmax(ratios, 0.0).reshape(len(levels), -1), axis=1).tolist()
         worst = [_place(system, motion, motion.t[where], place) for place in places]

@@ -48,8 +48,9 @@ class CertifiedTruth:
             raise NoTruth(f"{scene.name}: no pose is certified, so no digit has a price: {motion.message}")
         self.bodies = [body.name for body in scene.mechanism.bodies]
         self._rows = np.concatenate([np.r_[self.ref.system.columns(body)] for body in scene.wanted])
+        self._scales = [scales([x[self._rows][:, self.known] for x in self.ref.levels], k) for k in range(3)]
         levels = attainable_levels(self.ref, self.known)
-        parts = [np.max(a[self._rows], axis=0) / scales(x[self._rows], k) for k, (a, x) in enumerate(levels)]
+        parts = [np.max(a[self._rows], axis=0) / scale for (a, _), scale in zip(levels, self._scales, strict=True)]
         self.attainable = dict(zip(QUANTITIES, map(_digits, parts), strict=False))
 
     def digits(self, level: Any, order: int, before: Sequence[Any] = ()) -> tuple[float | None, str]:
@@ -69,7 +70,7 @@ class CertifiedTruth:
         proved = getattr(self.ref.motion.certified_radius, QUANTITIES[order])[self.known]
         radius = half_ulp(self.ref.system, self.ref.levels[order][:, self.known], order)[self._rows] + proved
         at = np.argmax(every + radius, axis=0), np.arange(every.shape[1])
-        scale = scales(ours[self._rows][:, self.known], order)
+        scale = self._scales[order]
         worst = (every + radius)[at] / scale
         k = int(np.argmax(worst))
         known, off = (radius[at] / scale)[k], (every[at] / scale)[k]

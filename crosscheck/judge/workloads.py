@@ -158,8 +158,8 @@ def of_spatial_loops(work: SpatialLoops, pieces: Iterable[AnswerPiece]) -> Accur
         uncompared += int(np.sum(~(ref.budget().compared & proved)))
         if compared.missing:
             largest = ratio = np.inf
-        for quantity, level, order in zip(compared.quantities.values(), ref.levels, range(levels), strict=False):
-            largest = max(largest, float(np.nanmax(quantity.error / scales(level, order), initial=0.0)))
+        for order, quantity in enumerate(compared.quantities.values()):
+            largest = max(largest, float(np.nanmax(quantity.error / scales(ref.levels, order), initial=0.0)))
             ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
     return Accuracy(largest, ratio, count, uncompared, levels)
 

@@ -483,9 +483,28 @@ def test_digits_of_an_answer_are_of_the_size_of_the_mechanism_and_of_the_largest
     moved = np.array(getattr(ref.motion, level))
     moved += np.tile([[1e-6 * size], [0.0], [0.0]], (3, 1)) if level == "q" else 1e-6 * moved
     quantity = compare(ref, replace(ref.motion, **{level: moved})).quantities[QUANTITIES[order]]
+    fastest, most = (np.max(np.abs(part), axis=0) for part in ref.levels[1:])
+    more = np.log10(np.maximum(fastest**2 / most, 1.0)) if level == "qdd" else 0.0
 
-    assert quantity.digits == pytest.approx(6.0, abs=1e-6)
+    assert quantity.digits == pytest.approx(6.0 + more, abs=1e-6)
     assert quantity.error == pytest.approx(1e-6 * (np.max(np.abs(ref.levels[order]), axis=0) if order else 1.0))
+
+
+@pytest.mark.parametrize(("bend", "scale"), [(1e-30, 4.0), (400.0, 800.0)])
+def test_digits_of_an_acceleration_count_from_the_square_of_the_velocity_where_that_is_more(bend, scale):
+    """A crank whose frame is at its pivot turns at 2 rad/s, and is off by 1e-5 rad/s^2."""
+    crank, law = refkin.Body(name="crank", estimate=(0.0, 0.0, 0.0)), Polynomial(coefficients=(0.0, 2.0, bend))
+    at, pair = {"point_i": (0.0, 0.0), "point_j": (0.0, 0.0)}, {"body_i": "ground", "body_j": "crank"}
+    mechanism = refkin.Mechanism(
+        bodies=(crank,),
+        joints=(refkin.Revolute(name="pivot", **at, **pair),),
+        drivers=(refkin.AngleDriver(name="turn", law=law, body="crank"),),
+    )
+    ref = reference(refkin.Scene(name="crank", mechanism=mechanism, times=(0.0,)))
+    off = replace(ref.motion, qdd=ref.motion.qdd + np.array([[0.0], [0.0], [1e-5]]))
+
+    assert compare(ref, off).quantities["acceleration"].digits == pytest.approx(5.0 + np.log10(scale), abs=1e-6)
+    assert ref.common.scale["acceleration"] == pytest.approx(scale)
 
 
 def test_where_nothing_can_be_allowed_to_first_order_any_change_is_felt():
