@@ -238,18 +238,26 @@ def in_parallel(jobs, workers, deadline):
                 if part:
                     parts.append(part)
                     continue
-                if part is None and time.monotonic() < ends:
+                over = part is not None or has_ended(child)
+                if not over and time.monotonic() < ends:
                     continue
-                if part is None:
-                    os.kill(child, signal.SIGKILL)
+                while over and select.select([pipe], [], [], 0)[0] and (part := os.read(pipe, 1 << 20)):
+                    parts.append(part)
+                with suppress(ProcessLookupError):
+                    os.killpg(child, signal.SIGKILL)
                 os.waitpid(child, 0)
                 os.close(pipe)
                 del running[pipe]
-                if part is not None:
+                if over:
                     yield number, pickle.loads(b"".join(parts)) if parts else None
     finally:
         for _, child, *_ in running.values():
-            os.kill(child, signal.SIGKILL)
+            os.killpg(child, signal.SIGKILL)
+
+
+def has_ended(child):
+    """Return whether a process has ended: what it has left behind may hold its end of a pipe open."""
+    return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
 def forked(run):
@@ -257,9 +265,12 @@ def forked(run):
     out, into = os.pipe()
     child = os.fork()
     if child:
+        with suppress(ProcessLookupError, PermissionError):
+            os.setpgid(child, child)
         os.close(into)
         return out, child
     try:
+        os.setpgid(0, 0)
         quiet = os.open(os.devnull, os.O_WRONLY)
         os.dup2(quiet, 1)
         os.dup2(quiet, 2)

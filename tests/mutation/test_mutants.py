@@ -18,7 +18,7 @@ from tests.mutation.change import DoesNotFit, changed_function, compiled, mutate
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
 from tests.mutation.operators import changes
 from tests.mutation.reach import key, probes, segments
-from tests.mutation.sample import VERDICTS, Run, kept, stale, verdicts
+from tests.mutation.sample import VERDICTS, Run, in_parallel, kept, stale, verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -215,3 +215,13 @@ def test_a_part_of_the_suite_whose_process_dies_is_not_taken_for_noted(monkeypat
 
     assert not run.note([])
     assert taken == [(["ends"], [("ends", 0.0, ())])]
+
+
+def test_a_job_is_done_though_a_process_that_it_left_behind_holds_its_pipe():
+    def leaving_one_behind():
+        if not os.fork():
+            time.sleep(60.0)
+            os._exit(0)
+        return "done"
+
+    assert list(in_parallel([(7, leaving_one_behind, 5.0)], 1, time.monotonic() + 5.0)) == [(7, "done")]
