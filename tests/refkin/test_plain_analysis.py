@@ -94,6 +94,8 @@ def test_it_agrees_with_what_is_proved(linkage, branch):
     assert plain.status == proved.status
     for a, b in zip(plain.levels, proved.levels, strict=True):
         assert np.max(np.abs(a - b)) < 1e-12
+    assert plain.sigma_min == pytest.approx(proved.sigma_min, rel=1e-10)
+    assert plain.condition == pytest.approx(proved.condition, rel=1e-10)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     left = [np.abs(system.phi(q, t)).max() for q, t in zip(system.to_unit(plain.q).T, plain.t, strict=True)]
     assert plain.residual.tolist() == left

@@ -567,6 +567,13 @@ def test_the_worse_of_two_bounds_widens_a_tube():
     assert _linked(sweep.system, pieces).tolist() == [True, False, False]
 
 
+def test_two_poses_are_known_if_every_coordinate_of_both_is():
+    known, partly = np.full(9, 1e-14), np.where(np.arange(9) == 4, np.nan, 1e-14)
+    radii = (known, known), (known, partly), (partly, known)
+
+    assert [Piece(0.0, 1.0, None, None, *pair, 0).is_certified for pair in radii] == [True, False, False]
+
+
 @pytest.mark.parametrize(("wide", "linked"), [(1.0, True), (0.4, False)])
 def test_a_tube_links_no_poses_that_it_does_not_hold(wide, linked, monkeypatch):
     """As wide as two poses may be off, or less, whatever is proved in it."""

@@ -111,6 +111,17 @@ def test_samples_of_every_size_are_answered():
     assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
 
 
+def test_a_family_without_rows_is_one_mechanism_and_a_number_stands_for_a_row():
+    lengths = grashof(3, margin=0.02)
+    first = estimates(lengths)
+    alone = family(scene(), system_of(scene()), {})
+    phi = np.array([1.0, 2.0, 3.0])
+    mixed = family(scene(), system_of(scene()), geometry(lengths), {**first, "rocker": (0.5, 0.25, phi)})
+
+    assert alone.size == 1
+    assert mixed.estimates["rocker"].tolist() == [[0.5] * 3, [0.25] * 3, phi.tolist()]
+
+
 BAD = {
     "does not assemble": (np.s_[:, ::10], 0.01),
     "no length": (np.s_[2, ::10], np.nan),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flint import ctx
 
 import refkin
-from refkin.joints import Cylindrical, DisplacementDriver, Screw, SpatialPrismatic
+from refkin.joints import Cylindrical, DisplacementDriver, Screw, SpatialPrismatic, Unit
 from refkin.model import Body, Mechanism
 from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.spatial import certain_miss, point_rows
+from refkin.proof.assembly.spatial import _SpatialReader, certain_miss, point_rows
 from refkin.system import compile_system
 from tests.passive import SPINNING, loop, sliding
 
@@ -51,6 +52,23 @@ def test_no_loop_that_closes_is_proved_open():
     closing += [sliding(SpatialPrismatic, seed, 0.0)[0] for seed in range(6)]
     for scene in closing:
         assert assemblies(system_of(scene), 0.0, trying=False).gap is None, scene.name
+
+
+@pytest.mark.parametrize("shift", [0.7, -0.3])
+def test_a_body_on_a_driven_slide_of_the_ground_stands_where_the_pose_has_it(shift):
+    """That it stands is what links of space are measured from."""
+    slide = {"point_i": (0.5, -0.25, 1.0), "axis_i": (1.0, 2.0, 2.0), "zero_i": (2.0, 1.0, -2.0)}
+    own = {"point_j": (0.25, 0.5, 0.0), "axis_j": (0.0, 3.0, 4.0), "zero_j": (1.0, 0.0, 0.0)}
+    joint = SpatialPrismatic(name="slide", body_i="ground", body_j="b", **slide, **own)
+    body = Body(name="b", estimate=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    driver = DisplacementDriver(name="push", joint="slide", law=refkin.Polynomial(coefficients=(shift,)))
+    mechanism, u = Mechanism((body,), (joint,), (driver,)), (1.0, -0.5, 2.0)
+    scene = refkin.Scene(mechanism=mechanism, times=(0.0,), points=(refkin.Point(name="P", body="b", position=u),))
+    place = refkin.solve(scene).points["P"].r[:, 0]
+    with ctx.workprec(120):
+        stands = _SpatialReader(compile_system(mechanism, unit=Unit(4.0)), 0.0).places["b"](u)
+
+    assert [4.0 * float(x) for x in stands.parts] == pytest.approx(place, abs=1e-14)
 
 
 @pytest.mark.parametrize("shift", [0.7, -0.7])
