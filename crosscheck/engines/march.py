@@ -233,7 +233,7 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
         now = t[target : target + 1]
-        predicted = guess = _hermite(at[-2:], q[-2:], qd[-2:], float(now[0]))
+        predicted = guess = hermite(at[-2:], q[-2:], qd[-2:], float(now[0]))
         both = np.empty((1, last.jacobian.shape[1], 2))
         both[:, :, 1] = equations.nu(guess, now)
         for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
@@ -268,11 +268,19 @@ def _sides(jacobian: Array) -> Array:
 def _cubics(knots: Array, q: Array, qd: Array, t: Array) -> Array:
     """Return coordinates (B, n) at t by the cubics through knots (K,), with coordinates and velocities (K, n) there."""
     k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
-    return _hermite((knots[k, None], knots[k + 1, None]), (q[k], q[k + 1]), (qd[k], qd[k + 1]), t[:, None])
+    return hermite((knots[k, None], knots[k + 1, None]), (q[k], q[k + 1]), (qd[k], qd[k + 1]), t[:, None])
 
 
-def _hermite(ends: Sequence[Any], q: Sequence[Array], qd: Sequence[Array], t: Any) -> Array:
-    """Return coordinates at t by the cubic through two ends; of one end alone, those on its tangent."""
+def hermite(ends: Sequence[Any], q: Sequence[Array], qd: Sequence[Array], t: Any) -> Array:
+    """Return coordinates at t by the cubic through two ends; of one end alone, those on its tangent.
+
+    Parameters
+    ----------
+    ends, q, qd : sequence of array
+        Of one or two ends: times [s], coordinates and rates.
+    t : array
+        Where [s].
+    """
     if len(ends) == 1:
         return q[0] + (t - ends[0]) * qd[0]
     h = ends[1] - ends[0]
@@ -310,8 +318,7 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
         np.where(part <= 3.0 + np.log(end) / math.log(CLOSER), CLOSER**part, np.nan) for end in (1.0 - worst, worst)
     ]
     u = np.append(worst * (1.0 - left[0]), 1.0 - (1.0 - worst) * (1.0 - left[1]), axis=1)[:, :, None]
-    rise, one_slope, other = (ends[1] - ends[0])[:, None], slopes[0][:, None], slopes[1][:, None]
-    at = ends[0][:, None] + u * (rise + (1.0 - u) * ((one_slope - rise) * (1.0 - u) + (rise - other) * u))
+    at = hermite((0.0, 1.0), [end[:, None] for end in ends], [slope[:, None] for slope in slopes], u)
     t = a.t[:, None] + h[:, None] * at[:, :, -1] / one
     inside = (t > a.t[:, None]) & (t < b.t[:, None])
     return at[inside][:, :-1], t[inside]
@@ -417,7 +424,7 @@ def _ahead(a: Poses, b: Poses, end: float, t: float) -> Array:
     roots = [math.sqrt(max(end - float(at), 0.0)) for at in (a.t[0], b.t[0], t)]
     if end == math.inf or not roots[0] > roots[1] > roots[2] > 0.0:  # of an end far beyond the step roots are equal
         return b.q + (t - float(b.t[0])) * b.qd
-    return _hermite(roots[:2], (a.q, b.q), (-2.0 * roots[0] * a.qd, -2.0 * roots[1] * b.qd), roots[2])
+    return hermite(roots[:2], (a.q, b.q), (-2.0 * roots[0] * a.qd, -2.0 * roots[1] * b.qd), roots[2])
 
 
 def _fold(equations: Equations, last: Poses, t: float) -> Poses:

@@ -220,7 +220,7 @@ def test_the_closed_form_keeps_assemblies_that_were_chosen_and_proves_none_absen
     scene = space_scenes.rssr()
     chosen = SpatialAssembly(scene, Floats())
     first = chosen.run()["rocker"].x.part("v", chosen.count)
-    other = SpatialAssembly(scene, Floats(), {key: -sign for key, sign in chosen.signs.items()})
+    other = SpatialAssembly(scene, Floats(), {key: 1 - choice for key, choice in chosen.choices.items()})
 
     assert np.min(np.linalg.norm(other.run()["rocker"].x.part("v", other.count) - first, axis=0)) > 0.1
     for assembly in (chosen, other):

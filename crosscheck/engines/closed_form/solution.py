@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.closed_form.assemble import Assembly
-from crosscheck.engines.closed_form.jets import Arithmetic, Floats, Jet, Planar, midpoint
+from crosscheck.engines.closed_form.jets import Arithmetic, Floats, Jet, midpoint
 from crosscheck.engines.closed_form.linkage import GroupedScene, JetPose, RigidGroup, read_linkage
 from refkin.model import Scene
 
@@ -103,7 +103,10 @@ def _with_turns(scene: Scene) -> Solution:
 def _gaps(drawn: GroupedScene, ground: RigidGroup, scene: Scene) -> list[Any]:
     """Return what is left of every row and joint: lengths in sizes, angles in rad. Values only."""
     size = scene.mechanism.size()
-    poses = {name: _still(pose) for name, pose in ground.bodies.items()}
+    poses = {
+        name: JetPose(Jet(pose.angle.v), pose.turn.part("v"), pose.origin.part("v"))
+        for name, pose in ground.bodies.items()
+    }
     held = {
         node: [poses[body].point(c.nodes[node]) for c in drawn.groups for body in c.bodies if node in c.nodes]
         for node in range(len(drawn.places))
@@ -120,13 +123,6 @@ def _gaps(drawn: GroupedScene, ground: RigidGroup, scene: Scene) -> list[Any]:
     for row in drawn.distances:
         gaps.append(((held[row.node_b][0] - held[row.node_a][0]).length().v - row.value.v) / size)
     return gaps
-
-
-def _still(pose: JetPose) -> JetPose:
-    def planar(vector: Planar) -> Planar:
-        return Planar(Jet(vector.x.v), Jet(vector.y.v))
-
-    return JetPose(Jet(pose.angle.v), planar(pose.turn), planar(pose.origin))
 
 
 PIECES = 16

@@ -94,7 +94,7 @@ class SpatialAssembly:
 
     scene: Scene
     arithmetic: Arithmetic
-    signs: dict[tuple[str, str], float] = field(default_factory=dict)
+    choices: dict[tuple[str, str], int] = field(default_factory=dict)
     placed: dict[str, Frame] = field(default_factory=dict)
     points: dict[tuple[str, int], Vector] = field(default_factory=dict)
     roots: list[Root] = field(default_factory=list)
@@ -234,12 +234,11 @@ class SpatialAssembly:
         self.roots.append(Root(square, square / whole))
         half = _root(square)
         roots = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
-        sign = self._chosen(body, "turned", [turning.at(*pair) for pair in roots])
-        return roots[0] if sign > 0 else roots[1]
+        return roots[self._chosen(body, "turned", [turning.at(*pair) for pair in roots])]
 
-    def _chosen(self, body: str, how: str, both: Sequence[Frame]) -> float:
-        """Return 1 for the first of two frames if it is nearer the body's estimate at the first time, else -1."""
-        if (body, how) not in self.signs:
+    def _chosen(self, body: str, how: str, both: Sequence[Frame]) -> int:
+        """Return 0 for the first of two frames if it is nearer the body's estimate at the first time, else 1."""
+        if (body, how) not in self.choices:
             estimate = self.estimates[body]
             if estimate is None:
                 raise NotPlaced(f"{body} has no estimate, and two assemblies")
@@ -249,8 +248,8 @@ class SpatialAssembly:
             for frame in both:
                 there = [v.part("v", self.count)[:, 0] for v in (frame.origin, frame.x, frame.y, frame.z)]
                 off.append(np.linalg.norm(there[0] - place) + np.linalg.norm(np.stack(there[1:], axis=1) - turned))
-            self.signs[body, how] = -1.0 if off[1] < off[0] else 1.0
-        return self.signs[body, how]
+            self.choices[body, how] = int(off[1] < off[0])
+        return self.choices[body, how]
 
     def _conditions(self, body: str, turning: Turning, held_by: KinematicPair | None) -> Iterator[Condition]:
         """Yield P, Q, K of what else a body that turns hangs on, directly or by one body between."""
@@ -316,8 +315,7 @@ class SpatialAssembly:
                 self.roots.append(Root(square, square / (length * length)))
                 half = _root(square)
                 moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
-                sign = self._chosen(body, "slid", moved)
-                frame = moved[0] if sign > 0 else moved[1]
+                frame = moved[self._chosen(body, "slid", moved)]
                 if turns:
                     self.points[pair.name, side] = frame.point(pair.points[side])
                     self._solved(body, self._freedom(pair, body), pair)

@@ -12,6 +12,7 @@ from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.closed_form.jets import Balls, Floats, midpoint
 from crosscheck.engines.closed_form.space import BETWEEN, NotPlaced, SpatialAssembly
 from crosscheck.engines.closed_form.space_vectors import Frame
+from crosscheck.engines.march import hermite
 from crosscheck.engines.spatial.motion import coordinates, reported
 from crosscheck.engines.spatial.reading import Hold, numbers_of
 from crosscheck.engines.spatial.turning import parameters
@@ -96,7 +97,7 @@ def _statuses(scene: Scene, assembly: SpatialAssembly, bits: int) -> tuple[Statu
 def _meets_zero(scene: Scene, assembly: SpatialAssembly, start: float, end: float, halvings: int = FINER) -> bool:
     """Return whether a root may vanish between two times, looked at on finer and finer grids."""
     times = np.linspace(start, end, GRID)
-    finer = SpatialAssembly(replace(scene, times=tuple(times.tolist())), Floats(), dict(assembly.signs))
+    finer = SpatialAssembly(replace(scene, times=tuple(times.tolist())), Floats(), dict(assembly.choices))
     finer.run()
     for root in finer.roots:
         share, rate = (np.broadcast_to(midpoint(part), (GRID,)) for part in (root.share.v, root.share.d))
@@ -110,10 +111,8 @@ def _meets_zero(scene: Scene, assembly: SpatialAssembly, start: float, end: floa
 
 def _lowest_between(t: Array, value: Array, rate: Array) -> Array:
     """Return the lowest value of the cubics between times, (T - 1,)."""
-    h, s = np.diff(t), BETWEEN[:, None]
-    rise = value[1:] - value[:-1]
-    one, other = h * rate[:-1] - rise, rise - h * rate[1:]
-    cubic = value[:-1] + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+    h = np.diff(t)
+    cubic = hermite((0.0, 1.0), (value[:-1], value[1:]), (h * rate[:-1], h * rate[1:]), BETWEEN[:, None])
     return cubic.min(axis=0) if len(t) > 1 else np.ones(0)
 
 
@@ -122,7 +121,7 @@ def _proved_absent(scene: Scene, assembly: SpatialAssembly, bits: int, absent: A
     proved = np.zeros(len(absent), bool)
     with ctx.workprec(bits):
         times = tuple(t for t, there in zip(scene.times, absent, strict=True) if there)
-        exact = SpatialAssembly(replace(scene, times=times), Balls(), dict(assembly.signs))
+        exact = SpatialAssembly(replace(scene, times=times), Balls(), dict(assembly.choices))
         exact.run()
         squares = [np.broadcast_to(np.asarray(root.square.v, object), (len(times),)) for root in exact.roots]
         proved[absent] = np.any([square < 0 for square in squares], axis=0)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
+from crosscheck.engines.march import hermite
 from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
@@ -182,11 +183,7 @@ class OneMechanism:
             q, v = self._march()
             h = self.coarse[1] - self.coarse[0]
             k = np.minimum((self.t - self.coarse[0]) // h, len(self.coarse) - 2).astype(int)
-            s = ((self.t - self.coarse[k]) / h)[:, None]
-            left, right = q[k], q[k + 1]
-            rise = right - left
-            one, other = h * v[k] - rise, rise - h * v[k + 1]
-            guess = left + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+            guess = hermite((0.0, h), (q[k], q[k + 1]), (v[k], v[k + 1]), (self.t - self.coarse[k])[:, None])
         guess[:, self.samples.held] = self.values[0]
         return guess
 
