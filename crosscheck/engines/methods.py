@@ -242,6 +242,20 @@ class Method:
         return one_by_one(self.model, workload, order)
 
 
+def priced(
+    engine: str, name: str, setting: str, newton_by: str, build: Callable[[Scene], Model], note: str = "", **more: Any
+) -> Method:
+    """Return a method of which prices are measured, unless its `uses` are said.
+
+    Parameters
+    ----------
+    engine, name, setting, newton_by, build, note, **more
+        As `Method` has them; the other of its fields that are said.
+    """
+    given: dict[str, Any] = {"engine": engine, "name": name, "setting": setting, "newton_by": newton_by}
+    return Method(**{**given, "build": build, "note": note, "uses": frozenset({Use.PRICE}), **more})
+
+
 def one_by_one(
     build: Callable[[Scene], Model],
     workload: FourBars | SpatialLoops,
@@ -319,11 +333,9 @@ def copied(scene: Scene) -> Scene:
 def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
     """Return a method for each route of an engine, and for those of hard cases, features and effects alone."""
     listed = [_of_route(engine, route, uses) for route in engine.routes()]
-    for use, key in ((Use.HARD, "discovery"), (Use.FEATURE, "features")):
-        routes = getattr(engine, key, None)
-        listed += [_of_route(engine, route, frozenset({use})) for route in (routes() if routes else ())]
-    dynamic: Sequence[Route] = getattr(engine, "dynamic_routes", tuple)()
-    return listed + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
+    for use, key in ((Use.HARD, "discovery"), (Use.FEATURE, "features"), (Use.EFFECTS, "dynamic_routes")):
+        listed += [_of_route(engine, route, frozenset({use})) for route in getattr(engine, key, tuple)()]
+    return listed
 
 
 def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:

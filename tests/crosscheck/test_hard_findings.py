@@ -15,7 +15,8 @@ import refkin
 from crosscheck.engines import PEERS, load
 from crosscheck.engines.methods import method
 from crosscheck.engines.mujoco.model import Plan, mujoco
-from crosscheck.engines.mujoco.shipped import Simulation
+from crosscheck.engines.mujoco.rows import MujocoRows
+from crosscheck.engines.mujoco.shipped import as_shipped
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import DOCUMENTED
@@ -111,15 +112,16 @@ def test_the_script_of_a_finding_shows_it_in_the_engines_own_api(script, tmp_pat
 def test_the_default_solver_of_mujoco_errs_on_a_branching_tree_of_more_than_60_freedoms():
     case = next(c for c in hard_cases() if c.key == "branching tree, 3e+01")
     tree = joint_tree(case.scene.mechanism)
-    simulation = Simulation(Plan(tree, (*tree.closures, *tree.driven)))
-    model, (default, dense) = simulation.model, (simulation.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE)
+    rows = MujocoRows(Plan(tree, (*tree.closures, *tree.driven)))
+    as_shipped(rows.model)
+    model, (default, dense) = rows.model, (rows.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE)
     q = tree.start() + np.random.default_rng(2).uniform(-0.05, 0.05, tree.width)
 
     fields = {}
     for jacobian in (default, dense):
         model.opt.jacobian = jacobian
         data = mujoco.MjData(model)
-        data.qpos[simulation.rows.columns] = q
+        data.qpos[rows.columns] = q
         mujoco.mj_forward(model, data)
         fields[jacobian] = np.array(data.qacc)
 

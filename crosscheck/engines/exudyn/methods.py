@@ -6,10 +6,11 @@ velocity and acceleration are solved from exudyn's rows by NumPy, at all times a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import exudyn as exu
@@ -29,7 +30,7 @@ from crosscheck.engines.exudyn.solve import (
     start_of,
 )
 from crosscheck.engines.exudyn.space_solve import SpaceModel
-from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
+from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one, priced
 from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import SI, Unit
 from refkin.model import Scene
@@ -59,34 +60,18 @@ def methods() -> Iterator[Method]:
     yield from of_routes(Exudyn(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
     for tolerance in DIRECT:
         best = tolerance == DIRECT[-1]
-        yield _method(
-            "MainSolverStatic.Newton, extrapolated",
-            f"absoluteTolerance {tolerance:g}",
-            partial(_direct, tolerance),
-            f"{SCALED}; laws are tabulated with the model; {RATES}",
-            uses=frozenset({Use.PRICE, Use.BENCH}) if best else frozenset({Use.PRICE}),
-            batch=_batched if best else None,
-        )
-    yield _method("SolveStatic, as shipped", "default tolerances", _shipped, RATES)
-    for name, build in (("SolveStatic", _static), ("MainSolverStatic.Newton", _newton)):
-        for tolerance in TOLERANCES:
-            yield _method(name, f"absoluteTolerance {tolerance:g}", partial(build, tolerance), f"{SCALED}; {RATES}")
-    for name, (kind, radius) in INTEGRATED.items():
-        for steps in STEPS:
-            yield _method(
-                name,
-                f"{steps} step{'s' * (steps > 1)} between times",
-                partial(_integrated, kind, radius, steps),
-                "steps in time" + "; spectral radius 0.5" * (radius is not None),
-                newton_by="exudyn (in each step)",
-                at_once=True,
-                steps=True,
-            )
-
-
-def _method(name: str, setting: str, build: Callable[[Scene], Model], note: str, **more: Any) -> Method:
-    given = {"newton_by": "exudyn", "uses": frozenset({Use.PRICE}), **more}
-    return Method(engine="exudyn", name=name, setting=setting, build=build, note=note, **given)
+        more: dict[str, Any] = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": _batched} if best else {}
+        name, build = "MainSolverStatic.Newton, extrapolated", partial(_direct, tolerance)
+        note = f"{SCALED}; laws are tabulated with the model; {RATES}"
+        yield priced("exudyn", name, f"absoluteTolerance {tolerance:g}", "exudyn", build, note, **more)
+    yield priced("exudyn", "SolveStatic, as shipped", "default tolerances", "exudyn", _shipped, RATES)
+    for (name, by), tolerance in product((("SolveStatic", _static), ("MainSolverStatic.Newton", _newton)), TOLERANCES):
+        setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
+        yield priced("exudyn", name, setting, "exudyn", partial(by, tolerance), note)
+    for (name, (kind, radius)), steps in product(INTEGRATED.items(), STEPS):
+        setting, build = f"{steps} step{'s' * (steps > 1)} between times", partial(_integrated, kind, radius, steps)
+        note = "steps in time" + "; spectral radius 0.5" * (radius is not None)
+        yield priced("exudyn", name, setting, "exudyn (in each step)", build, note, at_once=True, steps=True)
 
 
 def _checked(scene: Scene) -> Scene:

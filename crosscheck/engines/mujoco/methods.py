@@ -16,7 +16,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.march import hermite
-from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes
+from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, priced
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
 from crosscheck.engines.mujoco.space import MujocoSpace
@@ -41,18 +41,12 @@ UNUSED = ("EQUALITY", "CONSTRAINT")
 def methods() -> Iterator[Method]:
     """Yield the methods of MuJoCo."""
     yield from of_routes(Mujoco(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
+    name, who = "mujoco.batch, all times at once", "the adapter (NumPy on rows)"
+    note = "its sites, Jacobians and accelerations; laws are tabulated with the model"
     for limit in LIMITS:
         last = limit == LIMITS[-1]
-        yield Method(
-            engine="mujoco",
-            name="mujoco.batch, all times at once",
-            setting=f"|dq| < {limit:g}",
-            newton_by="the adapter (NumPy on rows)",
-            uses=frozenset({Use.PRICE, Use.BENCH}) if last else frozenset({Use.PRICE}),
-            build=partial(_swept, limit),
-            batch=partial(_batched, limit) if last else None,
-            note="its sites, Jacobians and accelerations; laws are tabulated with the model",
-        )
+        more: Any = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": partial(_batched, limit)} if last else {}
+        yield priced("mujoco", name, f"|dq| < {limit:g}", who, partial(_swept, limit), note, **more)
     yield from newton_methods("mujoco", tree_of, MujocoSpace)
     yield from stepping_methods()
 

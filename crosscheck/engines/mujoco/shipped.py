@@ -66,20 +66,14 @@ def stepped(tree: JointTree) -> Closing:
         raise EngineRefusal(
             f"mujoco refuses this scene by the method {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
-    return Simulation(plan).at_rest
+    rows = MujocoRows(plan)
+    as_shipped(rows.model)
 
+    def at_rest(q: Array, t: float) -> tuple[Array | None, float]:
+        rows.drive(t)
+        return _at_rest(rows.model, rows.columns, q, np.eye(rows.model.nv))
 
-class Simulation:
-    """A model with MuJoCo's defaults, and its state."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.rows = MujocoRows(plan)
-        self.model: Any = self.rows.model
-        as_shipped(self.model)
-
-    def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
-        self.rows.drive(t)
-        return _at_rest(self.model, self.rows.columns, q, np.eye(self.model.nv))
+    return at_rest
 
 
 class SpaceSimulation(MujocoSpace):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import Method, Model, Use
+from crosscheck.engines.methods import Method, Model, priced
 from crosscheck.engines.mujoco.engine import Mujoco, TreeRows
 from crosscheck.engines.mujoco.model import mujoco
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
@@ -38,7 +38,7 @@ class Setting:
     """How MuJoCo steps, so often between two times of the scene.
 
     `timeconst` is the time constant of solref in steps, None for the defaults of solref and solimp; `impedance` is
-    solimp, the same at any distance.
+    solimp, the same at any distance. It is called by the number of steps where there is no other `wording`.
     """
 
     integrator: str
@@ -46,6 +46,7 @@ class Setting:
     timeconst: float | None = 2.0
     solver: str = "NEWTON"
     impedance: float = STIFF
+    wording: str = ""
 
 
 STEPPING = {
@@ -56,52 +57,28 @@ STEPPING = {
     "mj_step, RK4": [Setting("RK4", n) for n in (1, 3, 10)],
     "mj_step, Euler, CG": [Setting("EULER", 10, solver="CG")],
     "mj_step, Euler, PGS": [Setting("EULER", 10, solver="PGS")],
+    "mj_step, Euler, solref swept": [
+        Setting("EULER", 10, timeconst=x, wording=f"solref {x:g}h") for x in (32.0, 16.0, 8.0, 4.0, 2.0)
+    ],
+    "mj_step, RK4, solimp swept": [
+        Setting("RK4", 10, impedance=d, wording=f"solimp {d:g}") for d in (0.9, 0.99, 0.999, STIFF)
+    ],
 }
-SPRINGS = {
-    "mj_step, Euler, solref swept": {
-        f"solref {x:g}h": Setting("EULER", 10, timeconst=x) for x in (32.0, 16.0, 8.0, 4.0, 2.0)
-    },
-    "mj_step, RK4, solimp swept": {f"solimp {d:g}": Setting("RK4", 10, impedance=d) for d in (0.9, 0.99, 0.999, STIFF)},
-}
-"""What keeps the loop closed, at ten steps between two times."""
+"""The last two sweep what keeps the loop closed, at ten steps between two times."""
 
 
 def stepping_methods() -> Iterator[Method]:
     """Yield stepping in time at all settings, and relaxation."""
-    for name, settings in STEPPING.items():
-        for setting in settings:
-            yield _stepping(name, setting)
-    for name, springs in SPRINGS.items():
-        for wording, setting in springs.items():
-            yield _stepping(name, setting, wording)
+    for name, setting in ((name, setting) for name, settings in STEPPING.items() for setting in settings):
+        steps = f"{setting.steps} step{'s' * (setting.steps > 1)} between times"
+        spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
+        note, build = f"{steps}; solref {spring}; solver {setting.solver}", partial(_stepped, setting)
+        yield priced("mujoco", name, setting.wording or steps, NOBODY, build, note, steps=True)
+    name, who = "mj_step, quasi-static relaxation", "MuJoCo (implicit damped steps)"
+    note = "discrete, timestep 1, solref 0.001 1, solimp 0.9999, tolerance 0, refsafe off"
     for count in RELAXATIONS:
-        yield Method(
-            engine="mujoco",
-            name="mj_step, quasi-static relaxation",
-            setting=f"{count} step{'s' * (count > 1)}",
-            newton_by="MuJoCo (implicit damped steps)",
-            uses=frozenset({Use.PRICE}),
-            build=partial(_relaxed, count),
-            highest=0,
-            steps=True,
-            note="discrete, timestep 1, solref 0.001 1, solimp 0.9999, tolerance 0, refsafe off",
-        )
-
-
-def _stepping(name: str, setting: Setting, wording: str = "") -> Method:
-    """Return stepping at one setting, which is the number of steps unless it is something else."""
-    steps = f"{setting.steps} step{'s' * (setting.steps > 1)} between times"
-    spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
-    return Method(
-        engine="mujoco",
-        name=name,
-        setting=wording or steps,
-        newton_by=NOBODY,
-        uses=frozenset({Use.PRICE}),
-        build=partial(_stepped, setting),
-        steps=True,
-        note=f"{steps}; solref {spring}; solver {setting.solver}",
-    )
+        named = f"{count} step{'s' * (count > 1)}"
+        yield priced("mujoco", name, named, who, partial(_relaxed, count), note, highest=0, steps=True)
 
 
 def _stepped(setting: Setting, scene: Scene) -> Model:
@@ -130,7 +107,7 @@ class MujocoStepper:
         self.tree.clockwork(1)
         engine: Any = self.tree.engine
         self.model, self.data = engine.model, engine.data
-        self.columns = np.array([self.model.joint(f"q{k}").id for k in range(engine.tree.width)], int)
+        self.columns = engine.columns
         self.q, self.qd = self.tree.first()
         self.flags, self.tolerance = int(self.model.opt.disableflags), float(self.model.opt.tolerance)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, one_by_one
+from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, one_by_one, priced
 from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.analysis import acceleration, estimate_of, velocity
 from refkin.differences import Scheme, jacobian
@@ -92,7 +92,7 @@ def methods() -> Iterator[Method]:
     yield _newton("Newton, analytic Jacobian", "to round-off", RoundOff)
     for count in range(1, 6):
         setting = f"{count} correction{'s' * (count > 1)}"
-        yield _newton("Newton, stopped", setting, lambda: _never, max_iterations=count)
+        yield _newton("Newton, stopped", setting, lambda: lambda *_: False, max_iterations=count)
     for name, scheme in SCHEMES.items():
         by, note = partial(_by_differences, scheme), "the same Jacobian gives the rates"
         for setting, stop in DIFFERENCED:
@@ -110,13 +110,7 @@ def _newton(name: str, setting: str, rule: Any, note: str = "", **options: Any) 
         given = problem(scene)
         return Model(partial(_swept, given, rule, **options), given.read)
 
-    uses = frozenset({Use.PRICE})
-    return Method(engine="refkin", name=name, setting=setting, newton_by="refkin", uses=uses, build=build, note=note)
-
-
-def _never(residual: Any, correction: Any, q: Any) -> bool:
-    """Never stop: the cap on corrections does."""
-    return False
+    return priced("refkin", name, setting, "refkin", build, note)
 
 
 def _analytic(system: System, q: Any, t: float) -> Any:
@@ -168,17 +162,10 @@ def _solve_methods() -> Iterator[Method]:
         note="with the evidence that the scene calls for",
     )
     for setting, evidence in EVIDENCE.items():
-        plain = setting == "no evidence"
-        yield Method(
-            engine="refkin",
-            name="solve",
-            setting=setting,
-            newton_by="refkin",
-            uses=frozenset({Use.PRICE, Use.BENCH}) if plain else frozenset({Use.PRICE}),
-            build=partial(_solving, evidence),
-            batch=partial(_solved_in_turn, evidence) if plain else None,
-            note="the truth itself, keeps its branch" + ", with its proof" * (Evidence.CERTIFICATE in evidence),
-        )
+        batch = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": partial(_solved_in_turn, evidence)}
+        more: dict[str, Any] = {} if evidence else batch
+        note = "the truth itself, keeps its branch" + ", with its proof" * (Evidence.CERTIFICATE in evidence)
+        yield priced("refkin", "solve", setting, "refkin", partial(_solving, evidence), note, **more)
 
 
 def _solving(evidence: frozenset[Evidence], scene: Scene) -> Model:

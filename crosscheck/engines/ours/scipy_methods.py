@@ -9,7 +9,7 @@ from typing import Any
 from scipy.optimize import least_squares, root
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import Method, Model, Use
+from crosscheck.engines.methods import Method, Model, Use, priced
 from crosscheck.engines.ours.numpy_methods import four_bars_by_root
 from crosscheck.engines.ours.refkin_methods import ScaledProblem, problem
 from refkin.model import Scene
@@ -38,15 +38,8 @@ def methods() -> Iterator[Method]:
 
 def _sweep(name: str, newton_by: str, step: Any) -> Iterator[Method]:
     for tolerance in TOLERANCES:
-        yield Method(
-            engine="scipy",
-            name=name,
-            setting=f"tol {tolerance:g}",
-            newton_by=newton_by,
-            uses=frozenset({Use.PRICE}),
-            build=partial(_built, step, tolerance),
-            note="rates by refkin",
-        )
+        build = partial(_built, step, tolerance)
+        yield priced("scipy", name, f"tol {tolerance:g}", newton_by, build, "rates by refkin")
 
 
 def _built(step: Any, tolerance: float, scene: Scene) -> Model:

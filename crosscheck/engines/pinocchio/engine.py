@@ -31,7 +31,7 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected, pin_rows
+from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.model import Points, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
@@ -92,7 +92,7 @@ class Pinocchio(SimulatingAdapter):
 
     name = "pinocchio"
     package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
-    solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), FEATURES, (FORWARD,)
+    solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), tuple(FEATURES), (FORWARD,)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
@@ -115,7 +115,7 @@ class Pinocchio(SimulatingAdapter):
             own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
             return space_motion(scene, PinocchioSpace, producer, own)
         if route in FEATURES:
-            return pin_rows(scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
+            return FEATURES[route](scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
         closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
         forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
@@ -158,15 +158,15 @@ class PinocchioTree(TreeEngine):
     def __init__(self, tree: JointTree, effect: str | None = None) -> None:
         self.tree = tree
         self.planar = affected(tree_model(tree), effect)
-        self._rows = Rows(self.planar, tree.closures, tree.scaled)
-        self.closure_rows = self._rows.count
+        self.rows = Rows(self.planar, tree.closures, tree.scaled)
+        self.closure_rows = self.rows.count
         self._points = dict[Any, Points]()
 
     def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
-        return self._rows.both(q, self._at(places))
+        return self.rows.both(q, self._at(places))
 
     def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
-        return self._rows.drift(q, qd, self._at(places))
+        return self.rows.drift(q, qd, self._at(places))
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points: one call of forward kinematics a pose."""
@@ -175,10 +175,6 @@ class PinocchioTree(TreeEngine):
         kept, targets = points.kept(len(q), len(given))
         self.planar.sampled(self.planar.place if qd is None else self.planar.move, given, targets)
         return points.motion(kept)
-
-    def contacts(self) -> tuple[list[Any], list[Any]]:
-        """Return Pinocchio's constraints of the closures, and their data."""
-        return self._rows.contacts()
 
     def _at(self, places: Places) -> Points:
         key = tuple(places)

@@ -37,7 +37,6 @@ COMPOSITE = route_by(
     drift_by="pinocchio (getFrameJacobianTimeVariation)",
 )
 ANCHOR = replace(COMPOSITE, name="point anchors with an offset", drift_by="pinocchio (constraint_acceleration_error)")
-FEATURES = (COMPOSITE, ANCHOR)
 
 
 class PinRows:
@@ -161,10 +160,8 @@ class _Anchors(PinRows):
         return list(zip(self.anchors, self.states, strict=True))
 
 
-def pin_rows(scene: Scene, route: Route) -> PinRows:
-    """Return the rows of a scene's pins by a feature."""
-    return _Composite(scene, route) if route == COMPOSITE else _Anchors(scene, route)
-
+FEATURES = {COMPOSITE: _Composite, ANCHOR: _Anchors}
+"""The rows of a scene's pins by each feature."""
 
 UNREAD = "which no algorithm called here reads"
 EFFORT = 10.0

@@ -13,13 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
+from itertools import product
 from operator import mul
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines.methods import Method, Model, Use, of_routes
+from crosscheck.engines.methods import Method, Model, Use, of_routes, priced
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
@@ -32,12 +33,8 @@ COMPLIANCE, ACCURACY, ITERATIONS = 1e-10, 1e-14, 20
 """The proximal settings of the constrained dynamics: its z rows are redundant, with no compliance it gives NaN."""
 BAUMGARTE = 0.25
 """Baumgarte's rate a (terms 2 a v + a^2 g) times the step: well inside what Euler's rule can bear, a h < 2."""
-STEPPING = {
-    "constraintDynamics, Euler": ("euler", False, (1, 3, 10)),
-    "constraintDynamics, Euler, Baumgarte": ("euler", True, (1, 3, 10)),
-    "constraintDynamics, RK4": ("rk4", False, (1, 3, 10)),
-    "constraintDynamics, RK4, Baumgarte": ("rk4", True, (1, 3, 10)),
-}
+STEPS = (1, 3, 10)
+"""Steps from one time of the scene to the next."""
 
 Acceleration = Callable[[Array, Array, Array], Array]
 """Accelerations of the prescribed coordinates, q, qd -> those of all."""
@@ -45,18 +42,12 @@ Acceleration = Callable[[Array, Array, Array], Array]
 
 def stepping_methods() -> Iterator[Method]:
     """Yield the integration of its constrained dynamics at all settings."""
-    for name, (rule, stabilised, counts) in STEPPING.items():
-        for steps in counts:
-            yield Method(
-                engine="pinocchio",
-                name=name,
-                setting=f"{steps} step{'s' * (steps > 1)} between times",
-                newton_by=NOBODY,
-                uses=frozenset({Use.PRICE}),
-                build=partial(_stepped, RULES[rule], stabilised, steps),
-                steps=True,
-                note="integrated by the adapter" + f"; a h = {BAUMGARTE}" * stabilised,
-            )
+    for (rule, by), stabilised, steps in product(RULES.items(), (False, True), STEPS):
+        name, note = f"constraintDynamics, {rule}", "integrated by the adapter"
+        if stabilised:
+            name, note = f"{name}, Baumgarte", f"{note}; a h = {BAUMGARTE}"
+        setting, build = f"{steps} step{'s' * (steps > 1)} between times", partial(_stepped, by, stabilised, steps)
+        yield priced("pinocchio", name, setting, NOBODY, build, note, steps=True)
 
 
 def _stepped(rule: Any, stabilised: bool, steps: int, scene: Scene) -> Model:
@@ -78,7 +69,7 @@ class PinocchioStepper:
         tree.pinned("only revolute joints are priced in its constrained dynamics")
         held = tree.clockwork(1).columns
         engine: Any = tree.engine
-        self.constraints, self.constraint_data = engine.contacts()
+        self.constraints, self.constraint_data = engine.rows.contacts()
         self.model, self.data = engine.planar.model, engine.planar.model.createData()
         armature = np.ones(self.model.nv)
         armature[held] = FLYWHEEL
@@ -141,7 +132,7 @@ def _rk4(acceleration: Acceleration, prescribed: Array, q: Array, qd: Array, h: 
     return q + h / 6 * (qd + 2 * v2 + 2 * v3 + v4), qd + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
-RULES = {"euler": _euler, "rk4": _rk4}
+RULES = {"Euler": _euler, "RK4": _rk4}
 
 
 LIMITS = (1e-2, 1e-4, 1e-8)
@@ -152,16 +143,11 @@ MOST_NEWTON = 12
 def methods() -> Iterator[Method]:
     """Yield the methods of Pinocchio."""
     yield from of_routes(Pinocchio(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
+    name, who = "Newton on free coordinates", "the adapter (in scalars)"
+    note = "each pose from the extrapolated one; laws are tabulated with the model"
     for limit in LIMITS:
-        yield Method(
-            engine="pinocchio",
-            name="Newton on free coordinates",
-            setting=f"|dq| < {limit:g}",
-            newton_by="the adapter (in scalars)",
-            uses=frozenset({Use.PRICE, Use.BENCH}) if limit == LIMITS[-1] else frozenset({Use.PRICE}),
-            build=partial(_direct, limit),
-            note="each pose from the extrapolated one; laws are tabulated with the model",
-        )
+        uses = frozenset({Use.PRICE, Use.BENCH} if limit == LIMITS[-1] else {Use.PRICE})
+        yield priced("pinocchio", name, f"|dq| < {limit:g}", who, partial(_direct, limit), note, uses=uses)
     yield from newton_methods("pinocchio", tree_of, PinocchioSpace)
     yield from stepping_methods()
 
@@ -184,7 +170,7 @@ class Direct:
         self.start = loops.tree.start().tolist()
         self.held, self.free = loops.clock.columns.tolist(), loops.free.tolist()
         self.values = loops.clock.values[:, :, 0].tolist()
-        self.anchors = [self._anchor(contact) for contact in engine.contacts()[0]]
+        self.anchors = [self._anchor(contact) for contact in engine.rows.contacts()[0]]
 
     def _anchor(self, contact: Any) -> tuple[Any, ...]:
         """Return what places an anchor, what gives its Jacobian, and views of its gap and the gap's acceleration."""

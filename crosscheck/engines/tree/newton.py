@@ -15,7 +15,7 @@ import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, in_space, refusals, refuse
 from crosscheck.engines.march import MarchResult
-from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one
+from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one, priced
 from crosscheck.engines.poses import Equations, close, solve
 from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.tree.joint_tree import Array, JointTree
@@ -96,8 +96,7 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
             tree = SpaceScene.of(scene, space) if in_space(scene.mechanism) else tree_of(scene)
             return Model(partial(_newton_sweep, tree, **stop), tree.read)
 
-        uses = frozenset({Use.PRICE})
-        return Method(engine=engine, name=name, setting=setting, newton_by="the adapter", uses=uses, build=build)
+        return priced(engine, name, setting, "the adapter", build)
 
     for limit in LIMITS:
         yield listed("Newton on its rows", f"|dq| < {limit:g}", limit=limit)
