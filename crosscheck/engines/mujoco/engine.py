@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,16 +19,12 @@ from crosscheck.engines import (
     ConstraintModel,
     EngineRefusal,
     Level,
-    SimulatingAdapter,
     Support,
     Term,
     by_level,
     derived,
-    expressed,
     in_space,
     native_but,
-    refusals,
-    refuse,
     refused,
     route_by,
 )
@@ -39,7 +36,7 @@ from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.tree.joint_tree import Array, JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeEngine, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeAdapter, TreeEngine, tree_motion
 from refkin.joints import Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
@@ -105,82 +102,6 @@ HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 """What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
 
 
-class Mujoco(SimulatingAdapter):
-    """MuJoCo, through its Python package; every scene gets a model of its own."""
-
-    name = "mujoco"
-    package, table, effects = mujoco, CAPABILITIES, EFFECTS
-    solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
-
-    def constraints(self, scene: Scene) -> ConstraintModel:
-        """Return MuJoCo's rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
-        if in_space(scene.mechanism):
-            return SpaceRows(scene.mechanism, scene.mechanism.joints, MujocoSpace, welds=0.5)
-        known = expressed(self, scene, Level.RESIDUAL)
-        if not known:
-            refuse(refusals(self, scene, Level.RESIDUAL))
-        return AbsoluteRows(scene.mechanism, known)
-
-    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
-        if route == STEPPED:
-            return (*CHAIN, *SPATIAL, soft(freedoms(scene.mechanism)))
-        return (*CHAIN, *SPATIAL)
-
-    def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates."""
-        route = producer.route
-        if in_space(scene.mechanism):
-            own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
-            return space_motion(scene, MujocoSpace, producer, own)
-        tree = joint_tree(scene.mechanism)
-        rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
-        closing = stepped(tree) if route == STEPPED else None
-        departing = SparseNewton(scene.mechanism).departure if route == SPARSE else None
-        accelerations = self._forward(tree) if route == FORWARD else None
-        return tree_motion(rows, scene, producer, closing, accelerations, departing)
-
-    def _forward(self, tree: JointTree) -> Accelerations:
-        """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""
-        elements = (*tree.closures, *tree.driven)
-        strange = dict.fromkeys(e.name for e in elements if not isinstance(e, HELD))
-        if strange:
-            raise EngineRefusal(
-                f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them"
-            )
-        return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
-
-
-class TreeRows(MujocoRows, TreeEngine):
-    """MuJoCo's model of a joint tree."""
-
-    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
-        super().__init__(affected(Plan(tree, tree.closures), effect))
-        self.tree, self.closure_rows = tree, len(self.plan.sources)
-
-    def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
-        return self.rows(q, places)
-
-    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
-        return self.rates(q, qd, places)[1:]
-
-
-class ThroughSites(TreeRows):
-    """The same, but for the places and velocities of bodies, which are read from sites."""
-
-    def __init__(self, tree: JointTree) -> None:
-        super().__init__(tree)
-        self.sites = Sites(tree)
-
-    def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
-        """Return the motion of the origins of bodies: position and velocity by sites, acceleration as elsewhere."""
-        levels = super().motion(q, qd, qdd, places)
-        for k, at in enumerate(q):
-            for level, read in zip(levels, self.sites.read(at, None if qd is None else qd[k], places), strict=False):
-                level[k] = read
-        return levels
-
-
 class AbsoluteRows(ConstraintModel):
     """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body.
 
@@ -243,3 +164,71 @@ class AbsoluteRows(ConstraintModel):
         at = (q * self._unit)[None]
         first, second, *_ = self._rows.rows(at) if qd is None else self._rows.rates(at, (qd * self._unit)[None])
         return first[0], second[0]
+
+
+class Mujoco(TreeAdapter):
+    """MuJoCo, through its Python package; every scene gets a model of its own."""
+
+    name = "mujoco"
+    package, table, effects = mujoco, CAPABILITIES, EFFECTS
+    rows_of_space, rows_of_plane = partial(SpaceRows, build=MujocoSpace, welds=0.5), AbsoluteRows
+    solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
+        if route == STEPPED:
+            return (*CHAIN, *SPATIAL, soft(freedoms(scene.mechanism)))
+        return (*CHAIN, *SPATIAL)
+
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates."""
+        route = producer.route
+        if in_space(scene.mechanism):
+            own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
+            return space_motion(scene, MujocoSpace, producer, own)
+        tree = joint_tree(scene.mechanism)
+        rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
+        closing = stepped(tree) if route == STEPPED else None
+        departing = SparseNewton(scene.mechanism).departure if route == SPARSE else None
+        accelerations = self._forward(tree) if route == FORWARD else None
+        return tree_motion(rows, scene, producer, closing, accelerations, departing)
+
+    def _forward(self, tree: JointTree) -> Accelerations:
+        """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""
+        elements = (*tree.closures, *tree.driven)
+        strange = dict.fromkeys(e.name for e in elements if not isinstance(e, HELD))
+        if strange:
+            raise EngineRefusal(
+                f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them"
+            )
+        return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
+
+
+class TreeRows(MujocoRows, TreeEngine):
+    """MuJoCo's model of a joint tree."""
+
+    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
+        super().__init__(affected(Plan(tree, tree.closures), effect))
+        self.tree, self.closure_rows = tree, len(self.plan.sources)
+
+    def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
+        return self.rows(q, places)
+
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
+        return self.rates(q, qd, places)[1:]
+
+
+class ThroughSites(TreeRows):
+    """The same, but for the places and velocities of bodies, which are read from sites."""
+
+    def __init__(self, tree: JointTree) -> None:
+        super().__init__(tree)
+        self.sites = Sites(tree)
+
+    def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
+        """Return the motion of the origins of bodies: position and velocity by sites, acceleration as elsewhere."""
+        levels = super().motion(q, qd, qdd, places)
+        for k, at in enumerate(q):
+            for level, read in zip(levels, self.sites.read(at, None if qd is None else qd[k], places), strict=False):
+                level[k] = read
+        return levels

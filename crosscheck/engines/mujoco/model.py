@@ -152,9 +152,7 @@ class Plan:
 
     def _angle(self, name: str, e: joints.RelativeAngle) -> None:
         """Hold the angle between two bodies by a tendon over the hinges of one and, backwards, of the other."""
-        i, j = e.bodies
-        turns = self.tree.angle_rows[j] - self.tree.angle_rows[i]
-        offset = self.tree.angle_offsets[j] - self.tree.angle_offsets[i]
+        turns, offset = self.tree.turn(e)
         if not turns.any():  # nothing turns one against the other: MuJoCo holds no such tendon, and none is needed
             if e.laws:
                 raise EngineRefusal(f"mujoco refuses {e.key} of {e.name!r}: no joint of the tree turns its bodies")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pinocchio as pin
@@ -19,14 +20,10 @@ from crosscheck.engines import (
     Capabilities,
     ConstraintModel,
     Level,
-    SimulatingAdapter,
     Term,
     by_level,
     derived,
-    expressed,
     in_space,
-    refusals,
-    refuse,
     refused,
     route_by,
 )
@@ -38,9 +35,9 @@ from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExampl
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
 from crosscheck.engines.tree.joint_tree import JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeEngine, link_terms, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeAdapter, TreeEngine, link_terms, tree_motion
 from refkin.joints import Constraint, elements_of
-from refkin.model import Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
 
 TREE = route_by("pinocchio", "joint tree", "adapter")
@@ -87,48 +84,13 @@ SPATIAL = (
 FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
 
 
-class Pinocchio(SimulatingAdapter):
-    """The engine of the package `pin`."""
-
-    name = "pinocchio"
-    package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
-    solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), tuple(FEATURES), (FORWARD,)
-
-    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
-        own = (STOP,) if route == CLOSED_CHAIN else ()
-        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
-
-    def constraints(self, scene: Scene) -> ConstraintModel:
-        """Return Pinocchio's rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
-        if in_space(scene.mechanism):
-            return SpaceRows(scene.mechanism, scene.mechanism.joints, PinocchioSpace)
-        known = expressed(self, scene, Level.RESIDUAL)
-        if not known:
-            refuse(refusals(self, scene, Level.RESIDUAL))
-        return PinocchioConstraints(scene, known)
-
-    def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates."""
-        route = producer.route
-        if in_space(scene.mechanism):
-            own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
-            return space_motion(scene, PinocchioSpace, producer, own)
-        if route in FEATURES:
-            return FEATURES[route](scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
-        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
-        closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
-        forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
-        return tree_motion(tree, scene, producer, closing, forward)
-
-
 class PinocchioConstraints(ConstraintModel):
-    """Pinocchio's rows for the joints of a scene, with columns (x, y, phi) per body [m, rad]; none for drivers."""
+    """Pinocchio's rows for some joints of a mechanism, with columns (x, y, phi) per body [m, rad]; none for drivers."""
 
     owns_driver = False
 
-    def __init__(self, scene: Scene, joints: Sequence[Constraint]) -> None:
-        bodies = [body.name for body in scene.mechanism.bodies]
+    def __init__(self, mechanism: Mechanism, joints: Sequence[Constraint]) -> None:
+        bodies = [body.name for body in mechanism.bodies]
         elements = tuple(elements_of(joints))
         self._rows = Rows(tree_model(absolute_tree(bodies)), elements, lambda body, u: u)
         self._none = Points(self._rows.planar)
@@ -150,6 +112,33 @@ class PinocchioConstraints(ConstraintModel):
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,), from Pinocchio's accelerations of frames."""
         return self._rows.drift(q[None], qd[None], self._none)[0][0]
+
+
+class Pinocchio(TreeAdapter):
+    """The engine of the package `pin`."""
+
+    name = "pinocchio"
+    package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
+    rows_of_space, rows_of_plane = partial(SpaceRows, build=PinocchioSpace), PinocchioConstraints
+    solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), tuple(FEATURES), (FORWARD,)
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
+        own = (STOP,) if route == CLOSED_CHAIN else ()
+        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
+
+    def answer(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates."""
+        route = producer.route
+        if in_space(scene.mechanism):
+            own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
+            return space_motion(scene, PinocchioSpace, producer, own)
+        if route in FEATURES:
+            return FEATURES[route](scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
+        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
+        closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
+        forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
+        return tree_motion(tree, scene, producer, closing, forward)
 
 
 class PinocchioTree(TreeEngine):

@@ -22,7 +22,7 @@ from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
 from crosscheck.scenes.names import order_of
-from refkin.joints import SI, Constraint
+from refkin.joints import SI
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer
 
@@ -164,7 +164,7 @@ SPATIAL_VECTORS = tuple(
 
 
 class SpaceRows(ConstraintModel):
-    """An engine's rows for some joints of a mechanism; `build` is as for `SpaceSystem`.
+    """An engine's rows for the joints of a mechanism; `build` is as for `SpaceSystem`.
 
     `welds` is what its rotation rows of a weld are of the half-angle rows, up to the sign of the Euler parameters; None
     if it has no weld.
@@ -173,11 +173,9 @@ class SpaceRows(ConstraintModel):
     owns_driver = False
     form = "half"
 
-    def __init__(
-        self, mechanism: Mechanism, joints: Sequence[Constraint], build: Callable[..., Any], welds: float | None = None
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, build: Callable[..., Any], welds: float | None = None) -> None:
         self.numbers: Numbers = numbers_of(mechanism, SI)
-        known = {joint.name for joint in joints}
+        known = {joint.name for joint in mechanism.joints}
         holds = [hold for hold in self.numbers.holds if hold.name in known]
         self.places: list[Place] = []
         meeting = [hold for hold in holds if hold.kind in MEETING]

@@ -280,12 +280,9 @@ def _given(name: str, kind: JointKind, elements: list[Any], joint: str) -> Given
         points=said("point"),
         axes=said("axis"),
         zeros=said("zero"),
-        length=getattr(elements[-1], "length", 0.0),
-        pitch=getattr(elements[-1], "pitch", 0.0),
-        shift=getattr(elements[-1], "shift", 0.0),
-        angle=getattr(elements[-1], "angle", 0.0),
         laws=elements[0].laws,
         joint=joint,
+        **{key: getattr(elements[-1], key, 0.0) for key in ("length", "pitch", "shift", "angle")},
     )
 
 

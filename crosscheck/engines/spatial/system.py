@@ -138,8 +138,10 @@ class SpaceSystem(Equations):
         edge = self.tree.edge_of(drive)
         if edge is None:
             i, j = self._ends(drive.hold)
+            if drive.kind == JointKind.DISTANCE:
+                return _distance(i, j)
             turned = _angle if drive.hold.kind in AXIAL else _twist
-            return {JointKind.DISTANCE: _distance, JointKind.ANGLE: turned}.get(drive.kind, _shift)(i, j)
+            return turned(i, j) if drive.kind == JointKind.ANGLE else _along(i, H, j)
         if edge.kind == JointKind.SCREW and drive.kind != JointKind.ANGLE:
             return edge.first, edge.pitch, edge.shift
         column = edge.first + (1 if edge.kind == JointKind.CYLINDRICAL and drive.kind == JointKind.ANGLE else 0)
@@ -289,10 +291,6 @@ def _along(i: int, a: int, j: int) -> Row:
         return x @ d - f[0], d @ dx + x @ dd
 
     return row
-
-
-def _shift(i: int, j: int) -> Row:
-    return _along(i, H, j)
 
 
 def _distance(i: int, j: int) -> Row:

@@ -9,7 +9,7 @@ a row of the equations (`crosscheck.engines.spatial.system`), so that plain Newt
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,8 @@ WIDTH = {
     **{JointKind.FIXED: 0, JointKind.SPHERICAL: 4, JointKind.FREE: 7},
 }
 """How many coordinates an edge has: angles [rad], lengths (a shift before its turn), Euler parameters."""
+TURNED = (JointKind.SPHERICAL, JointKind.FREE)
+"""What has Euler parameters."""
 PREFERENCE = (
     JointKind.SCREW,
     JointKind.FIXED,
@@ -53,10 +55,10 @@ class SpatialEdge:
     body: str
     parent: str
     kind: JointKind
-    u_parent: Any
-    frame_parent: Any
-    u_body: Any
-    frame_body: Any
+    u_parent: Any = field(default_factory=lambda: np.zeros(3))
+    frame_parent: Any = field(default_factory=lambda: np.eye(3))
+    u_body: Any = field(default_factory=lambda: np.zeros(3))
+    frame_body: Any = field(default_factory=lambda: np.eye(3))
     pitch: float = 0.0
     shift: float = 0.0
     hold: str = ""
@@ -70,16 +72,12 @@ class SpatialEdge:
     @property
     def turned(self) -> slice:
         """Where its Euler parameters are; empty if it has none."""
-        return (
-            slice(self.slot.stop - 4, self.slot.stop)
-            if self.kind in (JointKind.SPHERICAL, JointKind.FREE)
-            else slice(0, 0)
-        )
+        return slice(self.slot.stop - 4, self.slot.stop) if self.kind in TURNED else slice(0, 0)
 
     @property
     def rates(self) -> int:
         """How many rates it has: three of a turn by Euler parameters."""
-        return WIDTH[self.kind] - (self.kind in (JointKind.SPHERICAL, JointKind.FREE))
+        return WIDTH[self.kind] - (self.kind in TURNED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +102,7 @@ class SpaceTree:
     @cached_property
     def balls(self) -> list[slice]:
         """Where Euler parameters are among the coordinates."""
-        return [edge.turned for edge in self.edges if edge.kind in (JointKind.SPHERICAL, JointKind.FREE)]
+        return [edge.turned for edge in self.edges if edge.kind in TURNED]
 
     def edge_of(self, drive: Drive) -> SpatialEdge | None:
         """Return the edge that a driver moves, if its joint has become one."""
@@ -168,10 +166,8 @@ def _coordinates(edge: SpatialEdge, parent: tuple[Any, Any], body: tuple[Any, An
     if edge.kind == JointKind.SCREW:
         turns = np.round(((gap[2] - edge.shift) / edge.pitch - angle) / (2 * np.pi)) if edge.pitch else 0.0
         return [angle + 2 * np.pi * turns]
-    along, both = [gap[2]], [gap[2], angle]
-    return {JointKind.REVOLUTE: [angle], JointKind.PRISMATIC: along, JointKind.CYLINDRICAL: both, JointKind.FIXED: []}[
-        edge.kind
-    ]
+    along = [gap[2]] * (edge.kind in (JointKind.PRISMATIC, JointKind.CYLINDRICAL))
+    return [*along, *[angle] * (edge.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL))]
 
 
 def _about_z(rotation: Any) -> float:
@@ -191,7 +187,7 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
         hold = next((h for h in order if (h.body_i in reached) != (h.body_j in reached)), None)
         if hold is None:
             body = next(name for name in numbers.bodies if name not in reached)
-            edge = free_edge(body)
+            edge = SpatialEdge(body=body, parent=GROUND, kind=JointKind.FREE)
         else:
             edge = _edge(hold, hold.body_i if hold.body_i in reached else hold.body_j)
             used.append(hold)
@@ -203,16 +199,9 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
 
 def absolute_tree(numbers: Numbers) -> SpaceTree:
     """Return the tree in which every body is free: its coordinates are (r, p) of each body in turn."""
-    edges = tuple(replace(free_edge(body), first=7 * k) for k, body in enumerate(numbers.bodies))
+    free: Any = {"parent": GROUND, "kind": JointKind.FREE}
+    edges = tuple(SpatialEdge(body=body, first=7 * k, **free) for k, body in enumerate(numbers.bodies))
     return SpaceTree(numbers=numbers, edges=edges, closures=numbers.holds, estimates={})
-
-
-def free_edge(body: str) -> SpatialEdge:
-    """Return the edge of a body that nothing holds."""
-    rest: dict[str, Any] = {"u_parent": np.zeros(3), "u_body": np.zeros(3)}
-    return SpatialEdge(
-        body=body, parent=GROUND, kind=JointKind.FREE, frame_parent=np.eye(3), frame_body=np.eye(3), **rest
-    )
 
 
 def _edge(hold: Hold, parent: str) -> SpatialEdge:

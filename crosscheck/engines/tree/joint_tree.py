@@ -134,6 +134,11 @@ class JointTree:
         """Return by how much phi of an edge's body differs from its parent's at q = 0 [rad]."""
         return self.angle_offsets[edge.body] - self.angle_offsets[edge.parent]
 
+    def turn(self, e: RelativeAngle) -> tuple[Array, float]:
+        """Return the row (n,) and the constant [rad] of the angle of body j against body i."""
+        (i, j), rows, offsets = e.bodies, self.angle_rows, self.angle_offsets
+        return rows[j] - rows[i], offsets[j] - offsets[i]
+
     def scaled(self, body: str, u: Pair) -> Pair:
         """Return a point of a body in units of the size; on the ground, seen from the tree's origin."""
         ox, oy = self.origin if body == GROUND else (0.0, 0.0)

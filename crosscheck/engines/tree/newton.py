@@ -171,11 +171,7 @@ def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
     """
     rows = []
     for e in tree.driven:
-        row, offset = None, 0.0
-        if isinstance(e, RelativeAngle):
-            i, j = e.bodies
-            row = tree.angle_rows[j] - tree.angle_rows[i]
-            offset = tree.angle_offsets[j] - tree.angle_offsets[i]
+        row, offset = tree.turn(e) if isinstance(e, RelativeAngle) else (None, 0.0)
         if row is None or np.count_nonzero(row) != 1 or row.max() != 1.0:
             raise EngineError(f"driver {e.name!r} does not hold one coordinate of the tree, as stepping needs it")
         rows.append((int(np.argmax(row)), offset, e))

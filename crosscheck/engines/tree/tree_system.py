@@ -13,12 +13,23 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from crosscheck.engines import EngineError, Term, answered
+from crosscheck.engines import (
+    ConstraintModel,
+    EngineError,
+    Level,
+    SimulatingAdapter,
+    Term,
+    answered,
+    expressed,
+    in_space,
+    refusals,
+    refuse,
+)
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.scenes.names import order_of
-from refkin.joints import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle, elements_of
+from refkin.joints import GROUND, Constraint, Element, Pair, PointCoordinate, PointDistance, RelativeAngle, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer
 
@@ -52,6 +63,25 @@ class TreeEngine(Protocol):
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
 
 
+class TreeAdapter(SimulatingAdapter):
+    """An adapter of an engine that holds mechanisms as joint trees.
+
+    `rows_of_space` makes the engine's rows of a mechanism of space, `rows_of_plane` those of some joints of the plane.
+    """
+
+    rows_of_space: Callable[[Mechanism], ConstraintModel]
+    rows_of_plane: Callable[[Mechanism, Sequence[Constraint]], ConstraintModel]
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Return its rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
+        if in_space(scene.mechanism):
+            return self.rows_of_space(scene.mechanism)
+        known = expressed(self, scene, Level.RESIDUAL)
+        if not known:
+            refuse(refusals(self, scene, Level.RESIDUAL))
+        return self.rows_of_plane(scene.mechanism, known)
+
+
 class TreeSystem:
     """The rows to be solved: the engine's closures, then the driven elements, which the adapter appends.
 
@@ -69,7 +99,7 @@ class TreeSystem:
         self._places: list[tuple[str, Pair]] = []
         self._laws = [Tabulated(self._in_the_unit(e), times) for e in self.driven]
         self._ends = [self._read_ends(e) for e in self.driven]
-        self._turns = {k: self._turn(*e.bodies) for k, e in enumerate(self.driven) if isinstance(e, RelativeAngle)}
+        self._turns = {k: self.tree.turn(e) for k, e in enumerate(self.driven) if isinstance(e, RelativeAngle)}
 
     def _in_the_unit(self, e: Element) -> Callable[..., Any]:
         """Return the law of a driven element, in the tree's unit and from its origin, and its derivatives."""
@@ -93,11 +123,6 @@ class TreeSystem:
                 moving.append((minus, len(self._places)))
                 self._places.append((body, scaled))
         return fixed, moving
-
-    def _turn(self, i: str, j: str) -> tuple[Array, float]:
-        """Return the row (n,) and the constant of the angle of body j against body i."""
-        rows, offsets = self.tree.angle_rows, self.tree.angle_offsets
-        return rows[j] - rows[i], offsets[j] - offsets[i]
 
     def _vector(self, k: int, of_places: Array) -> Any:
         """Return what the places that move, of which something is known (B, P, ...), add to the vector of element k."""
