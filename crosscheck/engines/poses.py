@@ -275,19 +275,23 @@ class Tabulated:
         """Return the derivative of the given order at a time, or at times (B,): then read-only."""
         key = order, t if isinstance(t, float) else t.tobytes()
         if key not in self._values:
-            self._values[key] = float(self.law(t, order)) if isinstance(t, float) else self._row(t, order)
+            self._values[key] = self._one(t, order) if isinstance(t, float) else self._row(t, order)
         return self._values[key]
+
+    def _one(self, t: float, order: int) -> float:
+        place = self._places.get(t)
+        return float(self.law(t, order) if place is None else self._table(order)[place])
 
     def _row(self, t: Array, order: int) -> Array:
         places = [self._places.get(at) for at in t.tolist()]
-        if None in places:
-            row = self._asked(t, order)
-        else:
-            if order not in self._tables:
-                self._tables[order] = self._asked(self._times, order)
-            row = self._tables[order].take(places)  # type: ignore[arg-type]
+        row = self._asked(t, order) if None in places else self._table(order).take(places)  # type: ignore[arg-type]
         row.flags.writeable = False
         return row
+
+    def _table(self, order: int) -> Array:
+        if order not in self._tables:
+            self._tables[order] = self._asked(self._times, order)
+        return self._tables[order]
 
     def _asked(self, t: Array, order: int) -> Array:
         values = np.array(self.law(t, order), float)

@@ -16,6 +16,7 @@ from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.exudyn import readings as exudyn_readings
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.poses import Tabulated
 from refkin.joints import (
     Distance,
 )
@@ -59,7 +60,7 @@ def test_two_coinciding_points_of_a_distance_joint_are_an_engine_error() -> None
 
 def test_a_driven_distance_that_is_not_positive_is_an_engine_error_that_names_driver_and_time() -> None:
     model = Exudyn().constraints(loose_scene("cylinder"))
-    model.clock.laws[0] = (Sinusoid(amplitude=1.0, angular_frequency=1.0, offset=-2.0), 0.0, 1.0)
+    model.clock.laws[0] = Tabulated(Sinusoid(amplitude=1.0, angular_frequency=1.0, offset=-2.0))
 
     with pytest.raises(EngineError, match=r"driver 'cylinder 0' at t = 0\.5: .*must be positive"):
         model.residual(np.zeros(6), 0.5)

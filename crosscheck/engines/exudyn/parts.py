@@ -32,6 +32,7 @@ from exudyn import itemInterface as item
 from crosscheck.engines import Array
 from crosscheck.engines.exudyn.readings import ORIGIN, ExudynRow, Readings
 from crosscheck.engines.frames import Length, Linear, SineRow, direction, through_its_point
+from crosscheck.engines.poses import Tabulated
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -60,41 +61,27 @@ class Clock:
     follows = False
 
     def __init__(self) -> None:
-        self.laws: list[tuple[Law, float, float]] = []
+        self.laws: list[Tabulated] = []
         self.values: list[Sequence[float]] = []
         self._known: tuple[float, int] = (math.nan, 0)
-        self._least = 0
-        self._table: dict[float, list[Sequence[float]]] = {}
 
     def add(self, law: Law, shift: float, size: float) -> int:
         """Take in a law, as (f - shift) / size, and return its number."""
-        self.laws.append((law, shift, size))
+        self.laws.append(Tabulated(lambda t, order: (law(t, order) - (0.0 if order else shift)) / size))
         self.values.append((math.nan,) * 3)
         return len(self.laws) - 1
 
     def tabulate(self, times: Sequence[float], order: int) -> None:
-        """Evaluate the laws at all times that will be asked for, with derivatives up to `order`; so at others, too."""
-        self._least, self._table = order, {}
-        self._add(np.array(times))
-
-    def _add(self, times: Array) -> None:
-        self._table.update(zip(times.tolist(), self._over(times, self._least).transpose(2, 0, 1).tolist(), strict=True))
+        """Evaluate the laws at all times that will be asked for, with derivatives up to `order`."""
+        self.laws = [Tabulated(known.law, times) for known in self.laws]
+        self.over(np.array(times), order)
 
     def over(self, times: Array, order: int) -> Array:
-        """Return the laws with their derivatives up to `order`, or more, at times (B,): (laws, 3, B)."""
-        if order > self._least:
-            return self._over(times, order)
-        asked = times.tolist()
-        new = [t for t in asked if t not in self._table]
-        if new:
-            self._add(np.array(new))
-        return np.reshape([self._table[t] for t in asked], (len(asked), len(self.laws), 3)).transpose(1, 2, 0)
-
-    def _over(self, times: Array, order: int) -> Array:
+        """Return the laws with their derivatives up to `order` at times (B,): (laws, 3, B), NaN beyond it."""
         values = np.full((len(self.laws), 3, len(times)), math.nan)
-        for rows, (law, shift, size) in zip(values, self.laws, strict=True):
+        for rows, law in zip(values, self.laws, strict=True):
             for i in range(order + 1):
-                rows[i] = (law(times, i) - (0.0 if i else shift)) / size
+                rows[i] = law(times, i)
         return values
 
     def at_rate(self, one: int) -> None:
@@ -109,16 +96,8 @@ class Clock:
         """
         if t == self._known[0] and order <= self._known[1]:
             return
-        order = max(order, self._least)
-        self._known = (t, order)
-        if order == self._least and t in self._table:
-            self.values[:] = self._table[t]
-            return
-        for k, (law, shift, size) in enumerate(self.laws):
-            known = [(float(law(t, i)) - (0.0 if i else shift)) / size for i in range(order + 1)]
-            self.values[k] = (*known, *(math.nan,) * (2 - order))
-        if order == self._least:
-            self._table[t] = list(self.values)
+        self._known, beyond = (t, order), (math.nan,) * (2 - order)
+        self.values[:] = [(*(law(t, i) for i in range(order + 1)), *beyond) for law in self.laws]
 
     def at(self, law: int, order: int, t: float) -> float:
         """Return what a law says at exudyn's own time t."""

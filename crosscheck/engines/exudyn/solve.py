@@ -228,7 +228,7 @@ class ExudynEquations(OwnSolver):
         return drift[:, self._live] / self.row_scale
 
     def extrema(self, times: Array) -> Array:
-        return extrema([law for law, _, _ in self.model.clock.laws], times)
+        return extrema(self.model.clock.laws, times)
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
         """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none.
