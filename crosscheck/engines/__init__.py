@@ -385,14 +385,9 @@ def in_space(mechanism: Mechanism) -> bool:
     return mechanism.kind.name == "spatial"
 
 
-def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
-    """Return the joints and drivers that `engine` does not refuse at `level`.
-
-    Parameters
-    ----------
-    engine, scene, level : Engine, Scene, Level
-    """
-    return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]
+def expressed(engine: Engine, scene: Scene) -> list[Constraint]:
+    """Return the joints and drivers that `engine` has constraint rows of: those that it does not refuse there."""
+    return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], Level.RESIDUAL)]
 
 
 def answered(

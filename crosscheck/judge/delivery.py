@@ -93,7 +93,7 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
             continue
         size = least if least < 0.0 else max(term.absolute, term.relative, term.of_rates)
         message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
-        faults.append({"quantity": term.level, "kind": Cause.UNDOCUMENTED, "message": message})
+        faults.append(wrong(term.level, Cause.UNDOCUMENTED, message))
     return allowed, faults
 
 
@@ -145,10 +145,10 @@ def undelivered(able: Collection[str], scene: Scene, motion: Motion) -> Iterator
     """
     for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
         if quantity in able and level is None:
-            yield _not_delivered(quantity, "not delivered at any time")
+            yield wrong(quantity, Cause.NOT_DELIVERED, "not delivered at any time")
     absent = [body for body in scene.wanted if body not in motion.bodies]
     if absent:
-        yield _not_delivered(QUANTITIES[0], f"no answer for {', '.join(absent)}")
+        yield wrong(QUANTITIES[0], Cause.NOT_DELIVERED, f"no answer for {', '.join(absent)}")
 
 
 class Unanswered:
@@ -228,10 +228,10 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
     rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
     rows = residual_error(system, q, t)
     added = sum(term.absolute + term.relative * rows for term in terms if term.level == QUANTITIES[0])
-    wrong = asked.copy()
-    wrong[asked] = ~np.all(np.abs(system.phi(q, t)) <= rows + table_error(system, t, 0) + rounded + added, axis=0)
-    if wrong.any():
-        yield _at(motion, wrong, QUANTITIES[0], Cause.UNCLOSED)
+    wrong_at = asked.copy()
+    wrong_at[asked] = ~np.all(np.abs(system.phi(q, t)) <= rows + table_error(system, t, 0) + rounded + added, axis=0)
+    if wrong_at.any():
+        yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
 
 
 def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, Any]], Any]:
@@ -242,21 +242,26 @@ def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, A
     ok, rows, wrong_at = times_with(motion, Status.OK), list[dict[str, Any]](), np.zeros(len(motion.t), bool)
     spatial = scene.mechanism.kind.name == "spatial"
     for name, samples in reversed_joints(scene.mechanism, motion).items() if spatial else ():
-        wrong = ok & samples
-        wrong_at |= wrong
-        if wrong.any():
-            row = _at(motion, wrong, QUANTITIES[0], Cause.REVERSED)
+        here = ok & samples
+        wrong_at |= here
+        if here.any():
+            row = _at(motion, here, QUANTITIES[0], Cause.REVERSED)
             rows.append({**row, "message": f"{name!r}: {row['message']}"})
     return rows, wrong_at
 
 
 def _at(motion: Motion, samples: Any, quantity: str, kind: Cause) -> dict[str, Any]:
-    times = f"{int(samples.sum())} times, first t = {motion.t[samples][0]:.17g}"
-    return {"quantity": quantity, "kind": kind, "message": times}
+    return wrong(quantity, kind, f"{int(samples.sum())} times, first t = {motion.t[samples][0]:.17g}")
 
 
-def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
-    return {"quantity": quantity, "kind": Cause.NOT_DELIVERED, "message": what}
+def wrong(quantity: str, kind: Cause, message: str = "") -> dict[str, Any]:
+    """Return what is wrong with a quantity, or the "status", as a `Disagreement` takes it.
+
+    Parameters
+    ----------
+    quantity, kind, message : str, Cause, str
+    """
+    return {"quantity": quantity, "kind": kind, "message": message}
 
 
 def _most(engine: str, scene: Scene, term: Term) -> float:

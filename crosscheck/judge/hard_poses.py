@@ -96,18 +96,9 @@ def truths(case: HardCase) -> tuple[System, tuple[Solutions, ...]]:
     solutions: list[Solutions] = []
     mode: tuple[int, ...] | None = None
     for t in case.scene.times:
-        if case.exact:
-            solutions.append(Solutions((_root(system, _given(system, case, t), t),)))
-        else:
-            truth, mode = _among_assemblies(system, case, t, mode)
-            solutions.append(truth)
+        truth, mode = _among_assemblies(system, case, t, mode)
+        solutions.append(truth)
     return system, tuple(solutions)
-
-
-def _given(system: System, case: HardCase, t: float) -> Any:
-    pose = case.poses(t)
-    assert pose is not None
-    return _stacked(system, pose)
 
 
 def _stacked(system: System, pose: Any) -> Any:
@@ -117,18 +108,21 @@ def _stacked(system: System, pose: Any) -> Any:
 def _among_assemblies(
     system: System, case: HardCase, t: float, mode: tuple[int, ...] | None
 ) -> tuple[Solutions, tuple[int, ...] | None]:
-    """Return the truth among all assemblies in closed form, and the mode in which it is put together.
+    """Return the pose that is the truth, or is among all assemblies in closed form, and the mode it is put together in.
 
     A branch keeps its mode as long as it meets no fold, also where a pose in float64 is nearer to the other one.
     """
     if case.every is not None:
         return Solutions(tuple(_root(system, _stacked(system, pose), t) for pose in case.every(t))), None
+    pose = case.poses(t)
+    near = None if pose is None else _stacked(system, pose)
+    if case.exact:
+        return Solutions((_root(system, near, t),)), mode
     search = assemblies(system, t, trying=False)
     if case.any_assembly:
         return Solutions(tuple(_root(system, q, t) for q in search.poses)), None
-    if case.poses(t) is None:
+    if near is None:
         return Solutions((), search.gap), None
-    near = _given(system, case, t)
     if not search.poses:
         hidden = (search.gap or 0.0) <= np.max(residual_error(system, near, t))
         return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), search.gap)), mode

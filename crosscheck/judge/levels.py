@@ -271,15 +271,9 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     if spatial:
         slope, gamma = _in_common_columns(slope, gamma, at)
         rate = rate[0], rate[1] + ROUNDINGS * U * np.abs(parts(slope)[0]) @ _turning(at)
-    ours: dict[Any, Any] = {
-        "x": parts(system.phi(rounded, at.t)),
-        "x_q": parts(slope),
-        "x'": rate,
-        "gamma": parts(gamma),
-    }
-    largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
-    ours["scale"] = {level: float(np.max(np.abs(ours[key][0]))) for level, key in largest.items()}
-    return ours
+    values = parts(system.phi(rounded, at.t)), parts(slope), rate, parts(gamma)
+    scale = {level: float(np.max(np.abs(value))) for level, (value, _) in zip(LEVELS, values, strict=True)}
+    return {**dict(zip(LEVELS, values, strict=True)), "scale": scale}
 
 
 def _turning(at: Configuration) -> Any:
@@ -310,14 +304,14 @@ def _expected(model: ConstraintModel, at: Configuration, maps: Sequence[RowMap])
     system, ours = at.in_form(getattr(model, "form", ""))
     first_row = {p.constraint.name: p.row for p in system.placed}
     if any(m.either for m in maps):
-        maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
+        maps = _signed(maps, model.residual(at.q, at.t), ours[Level.RESIDUAL][0], first_row)
     return _mapped(maps, [first_row[m.constraint] + m.row for m in maps], ours)
 
 
 def _mapped(maps: Sequence[RowMap], rows: Sequence[int], ours: Mapping[Any, Any]) -> dict[Level, tuple[Any, Any]]:
     """Return what maps make of our rows of these numbers at every level, and the allowed errors."""
     (x, ex), (slope, e_slope), (rate, e_rate), (gamma, e_gamma) = (
-        [part[rows] for part in ours[key]] for key in ("x", "x_q", "x'", "gamma")
+        [part[rows] for part in ours[level]] for level in LEVELS
     )
     forms = [[m.factor * m.form(v, order) for order in range(3)] for m, v in zip(maps, x, strict=True)]
     f0, f1, f2 = np.array(forms, float).T

@@ -29,6 +29,7 @@ from crosscheck.judge.delivery import (
     put_together_wrongly,
     unclosed,
     undelivered,
+    wrong,
 )
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
 from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
@@ -191,15 +192,19 @@ class _Subject:
 class _Part:
     """What one engine adds to a record."""
 
+    engine: str
     answers: list[Answer] = field(default_factory=list)
     levels: list[LevelRow] = field(default_factory=list)
     refusals: list[RefusalRow] = field(default_factory=list)
     disagreements: list[Disagreement] = field(default_factory=list)
 
+    def blame(self, method: str, *faults: Mapping[str, Any]) -> None:
+        """Note what is wrong with the answers of a method."""
+        self.disagreements += [Disagreement(engine=self.engine, method=method, **fault) for fault in faults]
+
 
 def _of_engine(engine: Engine, subject: _Subject) -> _Part:
-    part = _Part()
-    who: Any = {"engine": engine.name, "method": "any", "quantity": "status"}
+    part = _Part(engine.name)
     part.refusals += _refusals(engine, subject.scene, Level.SOLVE)
     if not part.refusals:
         compared = [method for method in methods(engine) if subject.uses & method.uses]
@@ -207,14 +212,14 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
         names = [method.called for method in compared]
         if best is None or len(set(names)) < len(names):
             message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
-            part.disagreements.append(Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message))
+            part.blame("any", wrong("status", Cause.NOT_DELIVERED, message))
         for method in compared:
             _check_method(engine, method, subject, part, best=method is best)
     if hasattr(engine, "constraints"):
         with undisturbed():
             _check_levels(engine, subject, part)
     if subject.changed():
-        part.disagreements.append(Disagreement(**who, kind=Cause.CHANGED))
+        part.blame("any", wrong("status", Cause.CHANGED))
     return part
 
 
@@ -258,7 +263,6 @@ def _enclosure(method: Method, subject: _Subject, motion: Motion) -> EnclosedTim
 @np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
 def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part, *, best: bool) -> None:
     ref, scene = subject.ref, subject.scene
-    who: Any = {"engine": engine.name, "method": method.called}
     try:
         with undisturbed():
             start = time.perf_counter()
@@ -268,14 +272,12 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
-            part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
+            part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(error)))
         return
     terms, faults = granted(engine, scene, of_method)
-    wrong_form = [
-        {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": why} for why in misshapen(scene, motion)
-    ]
+    wrong_form = [wrong("status", Cause.NOT_DELIVERED, why) for why in misshapen(scene, motion)]
     if wrong_form:
-        part.disagreements += [Disagreement(**who, **fault) for fault in faults + wrong_form]
+        part.blame(method.called, *faults, *wrong_form)
         return
     compared = compare(ref, motion, terms)
     part.answers.append(
@@ -294,25 +296,15 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
         )
     )
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
-    faults += [
-        *undelivered(method.delivers, scene, motion),
-        *wrong_way,
-        *unclosed(ref, motion, terms),
-        *(believed(ref, motion) if subject.as_expected else ()),
-    ]
-    part.disagreements += [Disagreement(**who, **fault) for fault in faults]
+    faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *unclosed(ref, motion, terms)]
+    part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
     turned_round = _turned_round(method, subject, terms) if best and subject.drawn(TURNED_ROUND) else None
-    part.disagreements += _disagreements(who, compared, turned_round, subject, motion, wrong_at)
+    part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))
 
 
 def _disagreements(
-    who: Mapping[str, Any],
-    compared: Comparison,
-    turned_round: Comparison | None,
-    subject: _Subject,
-    motion: Motion,
-    wrong_at: Any,
-) -> Iterator[Disagreement]:
+    compared: Comparison, turned_round: Comparison | None, subject: _Subject, motion: Motion, wrong_at: Any
+) -> Iterator[dict[str, Any]]:
     """Yield in what one method's answer, or its answer to the same scene in another order, is beyond what is allowed.
 
     At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
@@ -330,11 +322,11 @@ def _disagreements(
         else:
             continue
         kind = Cause.NO_NUMBER if np.isinf(q.error).any() else kind
-        seen: Any = {"ratio": largest_ratio(q.ratio), "at": q.worst, "violated": list(violated.names)}
-        yield Disagreement(**who, quantity=quantity, kind=kind, message=violated.text, **seen)
+        seen = {"ratio": largest_ratio(q.ratio), "at": q.worst, "violated": list(violated.names)}
+        yield {**wrong(quantity, kind, violated.text), **seen}
     for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if answered is not None and answered.missing and not subject.excused(answered.first_missing):
-            yield Disagreement(**who, quantity="status", kind=kind, message=f"{answered.missing} times without answer")
+            yield wrong("status", kind, f"{answered.missing} times without answer")
             return
 
 
@@ -369,14 +361,13 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     known = [table.get(e.key, {}).get(Level.JACOBIAN) for e in elements_of(scene.mechanism.constraints)]
     if not at or not any(c is not None and c.support is not Support.REFUSED for c in known):
         return
-    who: Any = {"engine": engine.name, "method": ROWS}
     try:
         model = engine.constraints(scene)
         try:
             missing = missing_rows(engine, model, scene.mechanism)
             of_rows = [term for term in terms_of(engine, scene) if term.level in LEVELS]
             terms, faults = granted(engine, scene, of_rows)
-            part.disagreements += [Disagreement(**who, **fault) for fault in faults]
+            part.blame(ROWS, *faults)
             levels = compare_levels(engine, model, scene.mechanism, at, terms)
             part.refusals += _of_other_forms(engine, scene, getattr(model, "form", ""))
         finally:
@@ -384,20 +375,17 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene):
-            part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
+            part.blame(ROWS, wrong("status", Cause.NO_ANSWER, str(error)))
         return
     if missing:
         message = f"not there, multiplied by zero, or more than once: {', '.join(missing)}"
-        owed: Any = {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": message}
-        part.disagreements.append(Disagreement(**who, **owed))
+        part.blame(ROWS, wrong("status", Cause.NOT_DELIVERED, message))
     for level, compared in levels.items():
         ratio = short(compared.ratio) if np.isfinite(compared.ratio) else sys.float_info.max
         numbers: Any = {"ratio": ratio, "digits": histogram(compared.digits), "rows": compared.rows}
         part.levels.append(LevelRow(engine=engine.name, level=level.value, worst=compared.worst, **numbers))
         if not compared.agrees:
-            part.disagreements.append(
-                Disagreement(**who, quantity=level.value, kind=Cause.TRANSLATED, ratio=ratio, at=compared.worst)
-            )
+            part.blame(ROWS, {**wrong(level.value, Cause.TRANSLATED), "ratio": ratio, "at": compared.worst})
 
 
 def _of_other_forms(engine: Engine, scene: Scene, form: str) -> list[RefusalRow]:

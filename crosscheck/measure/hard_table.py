@@ -111,7 +111,6 @@ def _methods(spec: str) -> list[Method]:
 
 SECONDS = 20.0
 """After this long on one scene a method is said to hang: the slowest takes about three."""
-KEYS = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
 BAD = (HardOutcome.WRONG, HardOutcome.CRASH, HardOutcome.HANG)
 """Verdicts that need an explanation: `findings.toml`."""
 
@@ -127,7 +126,7 @@ def hard_case_rows(
     seconds: float = SECONDS,
     tell: Callable[[int, str], None] = lambda done, case: None,
 ) -> list[Row]:
-    """Return one row per engine, method and case, with the keys `KEYS`, all plain data; EngineError without an engine.
+    """Return one row per engine, method and case, as the module says, all plain data; EngineError without an engine.
 
     Parameters
     ----------

@@ -10,12 +10,11 @@ missing, no more.
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from multiprocessing import connection
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from crosscheck.errors import UsageError
 from crosscheck.workers.processes import Child, Failure, FailureKind, Message, call_each, hang
@@ -83,7 +82,7 @@ class Trial:
         return any(isinstance(part, Failure) for part in self.parts.values())
 
 
-class Pool(ABC):
+class Pool(Protocol):
     """Whatever checks scenes: processes of this machine (`Workers`), or a cluster (`crosscheck.workers.cluster`)."""
 
     engines: dict[str, str]
@@ -92,32 +91,25 @@ class Pool(ABC):
     def __enter__(self) -> Self:
         return self
 
-    @abstractmethod
     def __exit__(self, *_: object) -> None: ...
 
-    @abstractmethod
     def batch(self, scenes: int | None) -> int:
         """Return how many scenes to hand over at once if so many are to be checked in all."""
 
     @property
-    @abstractmethod
     def hungry(self) -> bool:
         """Whether a worker may soon be idle."""
 
     @property
-    @abstractmethod
     def pending(self) -> bool:
         """Whether records are still to come."""
 
-    @abstractmethod
     def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
         """Let scenes be checked, on all engines or on those that are named."""
 
-    @abstractmethod
     def drop_waiting(self) -> None:
         """Forget the scenes that no worker has begun with, unless they are being taken apart."""
 
-    @abstractmethod
     def results(self) -> Iterator[Any]:
         """Wait until something happens, and yield the records that came in, perhaps none."""
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace as Plain
 import pytest
 
 import refkin
-from crosscheck.measure.hard_table import KEYS, hard_case_rows
+from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.night import hunting
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.measured import measured
@@ -24,7 +24,8 @@ def test_rows_are_printed_as_json(command):
     rows = json.loads(out)
 
     assert code == 0
-    assert [tuple(row) for row in rows] == [KEYS] * 8
+    keys = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
+    assert [tuple(row) for row in rows] == [keys] * 8
     assert {row["engine"] for row in rows} == {"refkin", "right"}
     assert {row["verdict"] for row in rows} == {"correct"}
 

@@ -118,7 +118,7 @@ class Rows:
 
     def __init__(self, at: Configuration) -> None:
         self.ours = at.in_form("")[1]
-        far = 4.0 * max(1.0, *np.abs(self.ours["x"][0]).tolist())
+        far = 4.0 * max(1.0, *np.abs(self.ours[Level.RESIDUAL][0]).tolist())
         forms, factors = cycle((Linear(), Length(length=far), SineRow())), cycle((1.0, -2.0, 0.5, 3.0))
         first, last = {p.constraint.name: p.row for p in at.in_form("")[0].placed}, at.in_form("")[0].m - 1
         places = [(e.name, e.row + k) for e in elements_of(at.mechanism.constraints) for k in range(e.rows)]
@@ -129,16 +129,16 @@ class Rows:
         return 1.001 * np.asarray(values, float)[::-1] + MOVED
 
     def residual(self, q: Any, t: float) -> Any:
-        return self._moved(self.ours["x"][0])
+        return self._moved(self.ours[Level.RESIDUAL][0])
 
     def jacobian(self, q: Any, t: float) -> Any:
-        return self._moved(self.ours["x_q"][0])
+        return self._moved(self.ours[Level.JACOBIAN][0])
 
     def constraint_velocity(self, q: Any, qd: Any, t: float) -> Any:
-        return self._moved(self.ours["x'"][0])
+        return self._moved(self.ours[Level.CONSTRAINT_VELOCITY][0])
 
     def drift(self, q: Any, qd: Any, t: float) -> Any:
-        return self._moved(self.ours["gamma"][0])
+        return self._moved(self.ours[Level.DRIFT][0])
 
 
 def judged(scene: Scene) -> dict[str, Any]:

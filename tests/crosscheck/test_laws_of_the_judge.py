@@ -200,8 +200,8 @@ def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate
 
 def row_values(x, rate, gamma, slope, off):
     """A row's value, rate, gamma and slope, with their errors, as the judge has them."""
-    pairs = {"x": (x, off[0]), "x'": (rate, off[1]), "gamma": (gamma, off[2]), "x_q": (slope, off[3])}
-    return {key: (np.array([value]), np.array([error])) for key, (value, error) in pairs.items()}
+    pairs = ((x, off[0]), (slope, off[3]), (rate, off[1]), (gamma, off[2]))
+    return {level: (np.array([value]), np.array([error])) for level, (value, error) in zip(Level, pairs, strict=False)}
 
 
 @pytest.mark.parametrize("form", [Linear(), SineRow(0.0), Length(1.5)], ids=str)

@@ -189,7 +189,7 @@ def test_of_a_place_in_space_digits_are_lost_and_of_a_turn_none():
     exact = running(q, 0.0)
     slope, _ = _in_common_columns(system.phi_q(exact, 0.0), system.gamma(exact, running(qd), 0.0), at)
 
-    assert np.array_equal(_ours(system, at)["x_q"][1], parts(slope)[1])
+    assert np.array_equal(_ours(system, at)[Level.JACOBIAN][1], parts(slope)[1])
 
 
 def test_the_bound_of_a_turning_is_the_same_about_every_axis():

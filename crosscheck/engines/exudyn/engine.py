@@ -132,7 +132,7 @@ class Exudyn(SimulatingAdapter):
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
-        known = expressed(self, scene, Level.RESIDUAL)
+        known = expressed(self, scene)
         if in_space(scene.mechanism):
             return ExudynSpaceRows(scene.mechanism, known)
         return ExudynModel(scene.mechanism.bodies, known)

@@ -76,7 +76,7 @@ class TreeAdapter(SimulatingAdapter):
         """Return its rows of the joints that it does not refuse; EngineError if it refuses all, and why."""
         if in_space(scene.mechanism):
             return self.rows_of_space(scene.mechanism)
-        known = expressed(self, scene, Level.RESIDUAL)
+        known = expressed(self, scene)
         if not known:
             refuse(refusals(self, scene, Level.RESIDUAL))
         return self.rows_of_plane(scene.mechanism, known)
