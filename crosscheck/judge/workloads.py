@@ -33,7 +33,6 @@ from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, LoopChain,
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Evidence
 from refkin.motion import Producer, Route
-from refkin.system import compile_system
 from refkin.vec import BodyValues
 
 SAMPLE, WORST = 20_000, 2000
@@ -76,8 +75,7 @@ def of_four_bars(work: FourBars, pieces: Iterable[AnswerPiece]) -> Accuracy:
         largest, count = max(largest, float(np.max(errors, initial=0.0))), count + len(errors)
         levels = len(piece.levels)
         sample.append(piece.of(np.flatnonzero((piece.mechanisms * len(work.t) + piece.times) % stride == 0)))
-        top = np.argsort(errors)[-WORST:]
-        worst.append((errors[top], piece.of(top)))
+        worst.append(_worst_of([(errors, piece)]))
         if len(worst) > 20:
             worst = [_worst_of(worst)]
     ratio, uncompared = 0.0, 0
@@ -168,28 +166,17 @@ def sparse_system(work: LoopChain) -> Any:
     """Return the chain's `SparseSystem` in its own unit."""
     from refkin.fast import SparseSystem  # here: the fast paths may be absent
 
-    mechanism = work.scene.mechanism
-    return SparseSystem(compile_system(mechanism, unit=mechanism.unit()))
+    return SparseSystem(work.system)
 
 
-def of_chain(work: LoopChain, sparse: Any, q: Any) -> Accuracy:
-    """Return the accuracy of coordinates q (n,) in metres and radians; `sparse` is the chain's `SparseSystem`.
-
-    Parameters
-    ----------
-    work : Chain
-    sparse : SparseSystem
-        The chain's.
-    q : (n,) array
-        The pose [m, rad].
-    """
-    system = sparse.system
-    truth = work.truth()[0]
+def of_chain(work: LoopChain, q: Any) -> Accuracy:
+    """Return the accuracy of a chain's coordinates q (n,) in metres and radians."""
+    system, truth = work.system, work.truth()[0]
     error = np.asarray(np.asarray(q, np.longdouble) - truth, float)
     error[2::3] = wrap(error[2::3])
     error = np.abs(system.to_unit(error, 1))  # as a rate: a difference has no origin
     error = np.where(np.isfinite(error), error, np.inf)
-    part = error / allowed(sparse, system.to_unit(np.asarray(truth, float)), work.scene.times[0])
+    part = error / allowed(sparse_system(work), system.to_unit(np.asarray(truth, float)), work.scene.times[0])
     return Accuracy(float(np.max(error)), float(np.max(part)), 1)
 
 

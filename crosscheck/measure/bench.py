@@ -12,7 +12,7 @@ from typing import Any
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
-from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops, sparse_system
+from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops
 from crosscheck.scenes.workloads import LoopChain, Workload, workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.timing import Timing, timed_in_turns
@@ -113,7 +113,7 @@ def row(work: Workload, method: Method, batch: Batch, timing: Timing) -> dict[st
 def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
     """Return how right the answers to a workload are."""
     if isinstance(work, LoopChain):
-        return of_chain(work, sparse_system(work), batch.answers())
+        return of_chain(work, batch.answers())
     if isinstance(work, SpatialLoops):
         return of_spatial_loops(work, batch.answers())
     return of_four_bars(work, batch.answers())
@@ -161,10 +161,7 @@ def _finite(x: float) -> float | None:
 def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     """Return the results of several workloads as one."""
     parts = list(parts)
-    last = parts[-1]
-    rows = [r for part in parts for r in part["rows"]]
-    absent = [a for part in parts for a in part["absent"]]
-    return {"rows": rows, "absent": absent, "versions": last["versions"], "machine": last["machine"]}
+    return {**parts[-1], **{key: [row for part in parts for row in part[key]] for key in ("rows", "absent")}}
 
 
 def key_of(row: Mapping[str, Any]) -> Key:

@@ -208,6 +208,12 @@ class LoopChain:
         return Scene(mechanism=mechanism, times=(0.0,), name=self.name, evidence=frozenset())
 
     @cached_property
+    def system(self) -> System:
+        """The equations, scaled."""
+        mechanism = self.scene.mechanism
+        return compile_system(mechanism, unit=mechanism.unit())
+
+    @cached_property
     def start(self) -> Any:
         """Coordinates (n,) in metres and radians from which Newton starts, right to six decimals."""
         return np.round(np.asarray(self.truth()[0], float), 6)

@@ -123,9 +123,8 @@ def of_workloads(shake: Shake) -> Any:
     loops, chain = many_rssrs("loops", 2, 5), works.LoopChain("chain", 3)
     exact = [np.array(level, float) for level in four_bar(bars.lengths[:, :, None], works.SPEED * bars.t)]
     wave = np.cos(np.arange(exact[0].size)).reshape(exact[0].shape)
-    sparse = workloads.sparse_system(chain)
     off = chain.truth()[0] + MOVED * np.cos(np.arange(len(chain.start)))
-    said: list[Any] = [asdict(workloads.of_chain(chain, sparse, x)) for x in (off * ulp, off + 2.0 * math.pi * np.nan)]
+    said: list[Any] = [asdict(workloads.of_chain(chain, x)) for x in (off * ulp, off + 2.0 * math.pi * np.nan)]
     pieces = []
     for level, rows in product(range(3), (range(9), (2, 5, 8), (6, 7))):
         levels = [x + (MOVED * (level + 1) * wave if k == level else 0.0) for k, x in enumerate(exact)]

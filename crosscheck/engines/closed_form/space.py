@@ -199,11 +199,8 @@ class SpatialAssembly:
             if angle is None:
                 return None
             shift = pair.pitch * angle + pair.shift
-        if pair.kind == "revolute":
-            shift = self.number(0.0)
-        if pair.kind in ("prismatic", "fixed"):
-            angle = self.number(0.0)
-            shift = self.number(0.0) if pair.kind == "fixed" else shift
+        angle = self.number(0.0) if pair.kind in ("prismatic", "fixed") else angle
+        shift = self.number(0.0) if pair.kind in ("revolute", "fixed") else shift
         if shift is None and (pair.name, side) in self.points:
             shift = h.dot(self.points[pair.name, side] - at) * sign
         cos, sin = (self.number(1.0), self.number(0.0)) if angle is None else angle.cos_sin()

@@ -25,9 +25,6 @@ class Vector:
     def __sub__(self, other: Vector) -> Vector:
         return Vector(self.x - other.x, self.y - other.y, self.z - other.z)
 
-    def __neg__(self) -> Vector:
-        return Vector(-self.x, -self.y, -self.z)
-
     def dot(self, other: Vector) -> Jet:
         """Return the scalar product."""
         return self.x * other.x + self.y * other.y + self.z * other.z

@@ -196,7 +196,7 @@ class ExudynSpace(ExudynSystem):
         """Put what laws move at a time."""
         if t == self.t:
             return
-        self.f = [float(law_value(drive, t, 0)) for _, _, drive in self.driven]
+        self.f = [float(drive.value(t)) for _, _, drive in self.driven]
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == "length":
                 if not f > 0.0:
@@ -245,7 +245,7 @@ class ExudynSpace(ExudynSystem):
         """Return what laws add to the rates of rows (m,) where it stands: exudyn knows no rate of what is set."""
         out = np.zeros(len(self.lines))
         for f, (k, line, drive) in zip(self.f, self.driven, strict=True):
-            fd = law_value(drive, t, 1)
+            fd = drive.value(t, 1)
             if line.what == "length":
                 out[k] = -f * fd
             elif line.what == "along":
@@ -267,7 +267,7 @@ class ExudynSpace(ExudynSystem):
     def _bend(self, line: SpatialRow, t: Array) -> Array:
         """Return the second derivatives (B,) of one row."""
         hold = line.hold
-        f = [0.0 * t if line.drive is None else law_value(line.drive, t, k) for k in range(3)]
+        f = [0.0 * t if line.drive is None else line.drive.value(t, k) for k in range(3)]
         if line.drive is None or line.what != "dot":
             return line.factor * self.read.bend(line, f)
         frame = np.array([hold.frame_i @ about_z(angle) for angle in f[0]])
@@ -280,17 +280,6 @@ class ExudynSpace(ExudynSystem):
         if body == GROUND:
             return np.eye(3)
         return self.mbs.GetObjectOutputBody(self.bodies[body], OUT.RotationMatrix).reshape(3, 3)
-
-
-def law_value(drive: Drive, t: Any, order: int) -> Any:
-    """Return a driver's law in the numbers' unit, or a derivative of it.
-
-    Parameters
-    ----------
-    drive, t, order : Drive, float or (B,) array, int
-        At times [s]; order 0 is the law itself.
-    """
-    return (drive.law(t, order) + 0.0 * t) / drive.size
 
 
 class ExudynSpaceRows(ExudynSpace):

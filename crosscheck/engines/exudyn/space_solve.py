@@ -16,7 +16,7 @@ import numpy as np
 from crosscheck.engines import EngineError, EngineRefusal, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
-from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace, law_value
+from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
 from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, JointKind, Numbers, numbers_of
@@ -61,7 +61,7 @@ class SpaceModel:
     def stop(self, scene: Scene) -> Term:
         """Return what SolveStatic leaves of the residual, as in the plane."""
         drives, t = self.numbers.drives, np.array(scene.times)
-        values = np.array([law_value(drive, t, 0) for drive in drives])
+        values = np.array([drive.value(t) for drive in drives])
         residual = self.model.residual(self.start, scene.times[0])
         lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == JointKind.DISTANCE]
         return replace(stopping_rule(residual, values, lengths, 2.0, "sizes or half rad"), form=FORM)
@@ -185,7 +185,7 @@ class SpaceEquations(OwnSolver):
         for drive in self.numbers.drives:
             if drive.kind == JointKind.ANGLE:
                 x, y = at[drive.hold.body_i] @ drive.hold.frame_i, at[drive.hold.body_j] @ drive.hold.frame_j
-                f = law_value(drive, t, 0)
+                f = drive.value(t)
                 if (np.cos(f) * x[:, 0] + np.sin(f) * x[:, 1]) @ y[:, 0] < 0.0:
                     raise EngineError(f"it reported success with {drive.name!r} off by pi")
 

@@ -19,6 +19,7 @@ from crosscheck.engines.march import hermite
 from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, priced
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
+from crosscheck.engines.mujoco.rows import in_order
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
 from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one, solved_rows
@@ -138,12 +139,6 @@ class Samples:
         body = int(self.model.site_bodyid[site])
         return self.batch.jac(body, self.sites[:, site])[0][:, :2] if body else 0.0
 
-    def from_tree(self, q: Any) -> Any:
-        """Return tree coordinates (..., n) in the order of MuJoCo's joints."""
-        coordinates = np.empty_like(q)
-        coordinates[..., self.columns] = q
-        return coordinates
-
 
 def _times(matrix: Any, vector: Any) -> Any:
     """Return products (B, m) of matrices (B, m, n) and vectors (B, n), or of all with one (1, n)."""
@@ -157,7 +152,7 @@ class OneMechanism:
         self.loops, self.t = loops, np.array(loops.tree.scene.times)
         self.samples = Samples(loops, len(self.t), limit)
         self.values = loops.clock.values[:, :, 0]
-        self.start = self.samples.from_tree(loops.tree.system.tree.start())
+        self.start = in_order(loops.tree.start(), self.samples.columns)
         self.data = mujoco.MjData(self.samples.model)
         count = min(COARSE + 1, max(len(self.t) // EVERY, 2))
         self.coarse = np.linspace(self.t[0], self.t[-1], count)
@@ -222,7 +217,7 @@ class ManyMechanisms:
         self.trees = [tree_of(work.scene(sample)) for sample in range(work.mechanisms)]
         self.loops = Loops.of(self.trees[0])
         self.samples = Samples(self.loops, work.mechanisms, limit)
-        self.start = np.array([self.samples.from_tree(tree.system.tree.start()) for tree in self.trees])
+        self.start = in_order(np.array([tree.start() for tree in self.trees]), self.samples.columns)
         places, sites = self.samples.batch.expand("body_pos"), self.samples.batch.expand("site_pos")
         for sample, tree in enumerate(self.trees):
             model = _model(tree.system.tree)

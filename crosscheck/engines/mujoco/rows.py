@@ -71,6 +71,13 @@ class _Points:
         return out
 
 
+def in_order(q: Array, columns: Array) -> Array:
+    """Return coordinates or rates (..., n) of a tree in the order of MuJoCo's joints, which have these columns."""
+    out = np.empty_like(q)
+    out[..., columns] = q
+    return out
+
+
 def along(slopes: Array, rates: Array) -> Array:
     """Return the products (B, P, 2) of Jacobians (B, P, 2, n) with rates (B, n)."""
     return (slopes @ rates[:, None, :, None])[..., 0]
@@ -246,19 +253,13 @@ class MujocoRows:
             self._ways[places] = bodies, u, m.body_rootid[bodies], moves[bodies][:, self.columns]
         return self._ways[places]
 
-    def _in_order(self, q: Array) -> Array:
-        """Return coordinates or rates (B, n) of the tree in MuJoCo's order."""
-        out = np.empty_like(q)
-        out[:, self.columns] = q
-        return out
-
     def _posed(self, q: Array, qd: Array | None = None, *, constrained: bool = True) -> Iterator[int]:
         """Place the bodies at one q (B, n) after the other, with rates if there are any; yield its index."""
         m, d = self.model, self.data
         at, rate = d.qpos, d.qvel
-        rates = None if qd is None else self._in_order(qd)
+        rates = None if qd is None else in_order(qd, self.columns)
         kinematics, com_pos, tendon, constrain = self._stages
-        for k, row in enumerate(self._in_order(q)):
+        for k, row in enumerate(in_order(q, self.columns)):
             at[:] = row
             if rates is not None:
                 rate[:] = rates[k]

@@ -101,7 +101,7 @@ class SpaceSimulation(MujocoSpace):
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
         for drive, equality, shift in self.driven:
-            self.model.eq_data[equality, 0] = float(drive.law(t)) / drive.size - shift
+            self.model.eq_data[equality, 0] = drive.value(t) - shift
         pose, violation = _at_rest(self.model, self.columns, self.coordinates(q), self.braked)
         if pose is None:
             return None, violation

@@ -18,7 +18,7 @@ from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated, refuse_
 from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import GROUND
 from refkin.model import Scene
-from refkin.system import System, compile_system
+from refkin.system import System
 
 OF_PROGRAM = 100, "to lay the program out, and to compile it, would take minutes"
 OF_DENSE = 1000, "its dense matrix would take 29 GB"
@@ -34,8 +34,8 @@ def sparse(workload: Workload, order: int) -> Batch:
     from refkin.fast import SparseSystem  # here: the methods in C do without the fast paths
     from refkin.fast.sparse import factors
 
-    system, t = SparseSystem(_system(workload)), workload.scene.times[0]
-    return iterated(workload, system.system, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
+    system, t = SparseSystem(workload.system), workload.scene.times[0]
+    return iterated(workload, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
 
 
 def by_program(work: LoopChain) -> Batch:
@@ -117,10 +117,4 @@ def _laid_out(work: LoopChain) -> tuple[Any, System, Any]:
     """Return a chain's program, its equations, and where the program starts."""
     refuse_longer(work, *OF_PROGRAM)
     program, core = program_of(replace(work.scene, effects=frozenset()))
-    system = _system(work)
-    return program, system, system.to_unit(work.start)[list(core)]
-
-
-def _system(work: LoopChain) -> System:
-    mechanism = work.scene.mechanism
-    return compile_system(mechanism, unit=mechanism.unit())
+    return program, work.system, work.system.to_unit(work.start)[list(core)]

@@ -114,10 +114,7 @@ def _residual(q: Any, lengths: list[float], phi: float) -> list[float]:
 def _jacobian(q: Any, lengths: list[float], phi: float) -> Any:
     a, b, c = _arms(q, lengths)
     out = _CONSTANT.copy()
-    for row, (x, y) in ((0, a), (6, c)):
-        column = 2 if row == 0 else 8
-        out[row, column], out[row + 1, column] = y, -x
-    for row, column, (x, y) in ((2, 5, b), (2, 2, a), (4, 5, b)):
+    for row, column, (x, y) in ((0, 2, a), (6, 8, c), (2, 5, b), (2, 2, a), (4, 5, b)):
         out[row, column], out[row + 1, column] = y, -x
     out[4, 8], out[5, 8] = -c[1], c[0]
     return out

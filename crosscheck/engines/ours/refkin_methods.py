@@ -183,9 +183,8 @@ def _dense_chain(workload: Workload, order: int) -> Batch:
     if not isinstance(workload, LoopChain):
         raise EngineError("made for chains")
     refuse_longer(workload, LONGEST, "a dense solve in Python takes seconds there")
-    mechanism, t = workload.scene.mechanism, workload.scene.times[0]
-    system = compile_system(mechanism, unit=mechanism.unit())
-    return iterated(workload, system, lambda q: q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t)))
+    system, t = workload.system, workload.scene.times[0]
+    return iterated(workload, lambda q: q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t)))
 
 
 def refuse_longer(work: LoopChain, longest: int, reason: str) -> None:
@@ -200,20 +199,14 @@ def refuse_longer(work: LoopChain, longest: int, reason: str) -> None:
         raise EngineError(f"not for more than {longest} loops: {reason}")
 
 
-def iterated(work: LoopChain, system: System, step: Callable[[Any], Any]) -> Batch:
-    """Return a chain's Newton iteration as a function of scaled coordinates; a few are made to see where they lead.
-
-    Parameters
-    ----------
-    work, system, step : LoopChain, System, callable
-        Its equations; q (n,) -> the next iterate, both scaled.
-    """
-    start = system.to_unit(work.start)
+def iterated(work: LoopChain, step: Callable[[Any], Any]) -> Batch:
+    """Return a chain's Newton iteration, q (n,) -> the next iterate, both scaled; a few say where they lead."""
+    start = work.system.to_unit(work.start)
 
     def answered() -> Any:
         q = start
         for _ in range(ITERATIONS):
             q = step(q)
-        return system.to_physical(q)
+        return work.system.to_physical(q)
 
     return Batch(lambda: step(start), 1, answered)

@@ -135,7 +135,7 @@ class SpaceExample:
         return int(self.space.bodies[edge.body][0])
 
     def _held(self, t: float) -> list[tuple[int, Any]]:
-        return [(joint, _moved(drive.kind, float(drive.law(t)) / drive.size)) for drive, joint in self.drives]
+        return [(joint, _moved(drive.kind, float(drive.value(t)))) for drive, joint in self.drives]
 
 
 def _moved(kind: JointKind, value: float) -> Any:

@@ -264,17 +264,14 @@ def _edge(tree: JointTree, joint: Joint, parent: str) -> Edge | None:
     e: Any = joint[0] if freedom is not Freedom.SLIDE else through_its_point(joint[0])  # type: ignore[arg-type]
     forward = parent == e.body_i
     (_, point), (body, pin) = e.ends if forward else reversed(e.ends)
-    places: dict[str, Any] = {"point": tree.scaled(parent, point), "pin": tree.scaled(body, pin)}
-    if freedom is Freedom.TURN:
-        return Edge(body=body, parent=parent, freedom=freedom, **places)
-    turned: Any = joint[1]
-    angle = turned.angle if forward else -turned.angle
-    if freedom is Freedom.NONE:
-        return Edge(body=body, parent=parent, freedom=freedom, angle=angle, **places)
-    axis = direction(e.axis_i)
-    if forward:  # the axis lies on the parent; the body is turned against it
-        axis = _point((0.0, 0.0, -turned.angle), axis)
-    return Edge(body=body, parent=parent, freedom=freedom, angle=angle, axis=axis, **places)
+    said: dict[str, Any] = {"point": tree.scaled(parent, point), "pin": tree.scaled(body, pin)}
+    turned: Any = joint[-1]
+    if freedom is not Freedom.TURN:
+        said["angle"] = turned.angle if forward else -turned.angle
+    if freedom is Freedom.SLIDE:  # on the parent; the body is turned against it
+        axis = direction(e.axis_i)
+        said["axis"] = _point((0.0, 0.0, -turned.angle), axis) if forward else axis
+    return Edge(body=body, parent=parent, freedom=freedom, **said)
 
 
 def _within_a_turn(angle: float) -> float:

@@ -6,8 +6,6 @@
 `chains`, `engine` a scene as loops: what the engine `vector_loop` solves
 """
 
-from crosscheck.engines.vector_loop.marching import LoopMarch as LoopMarch
-from crosscheck.engines.vector_loop.marching import Minimum as Minimum
 from crosscheck.engines.vector_loop.marching import MinimumStatus as MinimumStatus
 from crosscheck.engines.vector_loop.marching import close as close
 from crosscheck.engines.vector_loop.marching import march as march
