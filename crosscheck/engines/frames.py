@@ -13,12 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from refkin.joints import GuidedPoint, Pair
-
-Array = NDArray[np.float64]
-
 
 Form = Callable[[Any, int], Any]
 """A scalar function with two derivatives: x and an order -> the derivative of that order."""

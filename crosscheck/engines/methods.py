@@ -310,20 +310,6 @@ def _listed(engine: str | Engine) -> list[Method]:
     return [replace(one, engine=loaded.name, adapter=loaded) for one in listed]
 
 
-def method(engine: str | Engine, name: str, setting: str = "") -> Method:
-    """Return one method of a producer; raises EngineError if there is none of that name and setting.
-
-    Parameters
-    ----------
-    engine, name, setting : str or Engine, str, str
-        As `methods` lists them.
-    """
-    for candidate in methods(engine):
-        if (candidate.name, candidate.setting) == (name, setting):
-            return candidate
-    raise EngineError(f"{engine} has no method {name!r} with setting {setting!r}")
-
-
 def copied(scene: Scene) -> Scene:
     """Return an equal scene, all of it anew; `deepcopy` takes five times as long."""
     new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))

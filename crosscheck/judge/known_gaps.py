@@ -194,11 +194,6 @@ def _rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...
     return rows
 
 
-def new_disagreements(record: Record, gaps: Sequence[KnownGap]) -> list[Disagreement]:
-    """Return the disagreements of a record that no row covers."""
-    return Tally(gaps).add(record)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Finding(Strict):
     """One finding.

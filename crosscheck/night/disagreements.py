@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from crosscheck.judge.known_gaps import KnownGap, new_disagreements, table
+from crosscheck.judge.known_gaps import KnownGap, Tally, table
 from crosscheck.judge.records import Disagreement, NewCase, plain
 from crosscheck.night.plan import NightPlan, engines_option, replace_file
 from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
@@ -128,7 +128,7 @@ def _again(
     """
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    of_method = {d.signature: d for d in new_disagreements(record, gaps) if d.signature[:2] == kind[:2]}
+    of_method = {d.signature: d for d in Tally(gaps).add(record) if d.signature[:2] == kind[:2]}
     return of_method.get(kind) if of_method.keys() <= set(beside) else None
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import refkin
 from crosscheck.engines import PEERS, load
-from crosscheck.engines.methods import method
+from crosscheck.engines.methods import methods
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import as_shipped
@@ -79,7 +79,7 @@ WITH_SCENE = [f for f in IN_TABLE if f.scene]
 @pytest.mark.parametrize("finding", WITH_SCENE, ids=lambda f: f"{f.engine} {f.scene}")
 def test_the_minimal_scene_of_a_finding_shows_it(finding):
     scene = refkin.load(ROOT / finding.scene)
-    candidate = method(finding.engine, finding.method)
+    candidate = next(m for m in methods(finding.engine) if m.key == (finding.engine, finding.method, ""))
 
     ref, answer = reference(scene), candidate.solve(scene)
     where = samples(ref.system, scene_truths(ref), scene, answer, candidate.terms(scene))

@@ -14,7 +14,6 @@ from crosscheck.judge.known_gaps import (
     InvalidGap,
     KnownGap,
     Tally,
-    new_disagreements,
     read,
     read_findings,
 )
@@ -59,7 +58,7 @@ def test_the_reproduction_of_every_row_still_shows_its_gap(gap):
 def test_the_best_method_is_free_of_what_a_row_about_another_method_says(gap):
     record = record_of(gap.reproduction, gap.engine)
 
-    assert new_disagreements(record, GAPS) == []
+    assert Tally(GAPS).add(record) == []
 
 
 @pytest.mark.parametrize(
@@ -83,7 +82,7 @@ def test_no_answer_on_the_way_to_the_other_assembly_is_as_well_known_in_the_plan
     record = record_of("tests/corpus/exudyn-shipped-no-answer.toml", "exudyn")
 
     assert {Cause.OTHER_ASSEMBLY, Cause.NO_ANSWER} <= {item.kind for item in record.disagreements}
-    assert new_disagreements(record, GAPS) == []
+    assert Tally(GAPS).add(record) == []
 
 
 def test_a_row_whose_reproduction_shows_nothing_is_stale():
@@ -153,20 +152,20 @@ JUMP = Cause.OTHER_ASSEMBLY
     ids=["covered", "step within Newton's reach", "one time", "best method", "another kind", "one of two"],
 )
 def test_a_row_covers_what_it_says_and_no_more(met, new):
-    assert [d.name for d in new_disagreements(met, GAPS)] == new
+    assert [d.name for d in Tally(GAPS).add(met)] == new
 
 
 def test_a_row_covers_nothing_of_another_engine():
     met = record(JUMP)
     met = replace(met, disagreements=[replace(met.disagreements[0], engine="mujoco")])
 
-    assert len(new_disagreements(met, GAPS)) == 1
+    assert len(Tally(GAPS).add(met)) == 1
 
 
 def test_a_scene_of_which_nothing_is_known_is_covered_by_no_row():
     met = replace(record(JUMP), reference=None, failure="none")
 
-    assert len(new_disagreements(met, read(ROW))) == 1
+    assert len(Tally(read(ROW)).add(met)) == 1
 
 
 @pytest.mark.parametrize(

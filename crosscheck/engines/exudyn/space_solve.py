@@ -19,7 +19,7 @@ from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refu
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
 from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
-from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, JointKind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, JointKind, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND
@@ -52,7 +52,7 @@ class SpaceModel:
 
     def solve(self, scene: Scene, producer: Producer) -> Motion:
         """Return the motion of a scene of the same mechanism, from the estimates."""
-        equations = SpaceEquations(self.model, self.numbers, self.tolerances, shipped=self.shipped)
+        equations = SpaceEquations(self.model, self.tolerances, shipped=self.shipped)
         poses = equations.motion(self.start, scene.times, order_of(scene))
         status, message = equations.status(poses, scene.times)
         more = {"residual": poses.residual, "message": message}
@@ -76,9 +76,8 @@ class SpaceEquations(OwnSolver):
 
     furthest = 0.25
 
-    def __init__(
-        self, model: ExudynSpace, numbers: Numbers, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False
-    ) -> None:
+    def __init__(self, model: ExudynSpace, tolerances: Sequence[float], *, shipped: bool) -> None:
+        numbers = model.numbers
         self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
         super().__init__(len(model.lines) + len(numbers.passive) + len(numbers.bodies), model.n)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped

@@ -193,21 +193,16 @@ def tree_model(tree: JointTree) -> PlanarModel:
 def _hang(model: Any, edge: Edge, parent: PlacedFrame) -> PlacedFrame:
     """Add the joint of an edge and return the body's frame, which lies away from the joint's by the pin."""
     place = parent.at(edge.point, unit_vector(edge.angle))
-    back = shift((-edge.pin[0], -edge.pin[1]))
-    if edge.freedom is Freedom.NONE:
-        return PlacedFrame(place.joint, place.placement * back)
-    if edge.freedom is Freedom.FREE:
-        return PlacedFrame(_free_joint(model, edge.body, place), back)
-    if edge.freedom is Freedom.TURN:
-        joint = pin.JointModelRZ()
-    else:
-        joint = pin.JointModelPrismaticUnaligned(np.array([*edge.axis, 0.0]))
-    return PlacedFrame(model.addJoint(place.joint, joint, place.placement, edge.body), back)
-
-
-def _free_joint(model: Any, body: str, place: PlacedFrame) -> int:
     joint, placement = place.joint, place.placement
-    for kind in (pin.JointModelPX, pin.JointModelPY, pin.JointModelRZ):
-        joint = model.addJoint(joint, kind(), placement, f"{body} {kind.__name__}")
+    for kind in _joints(edge):
+        joint = model.addJoint(joint, kind, placement, f"{edge.body} {model.njoints}")
         placement = pin.SE3.Identity()
-    return int(joint)
+    back = shift((-edge.pin[0], -edge.pin[1]))
+    return PlacedFrame(joint, back if edge.freedom is not Freedom.NONE else placement * back)
+
+
+def _joints(edge: Edge) -> list[Any]:
+    if edge.freedom is Freedom.SLIDE:
+        return [pin.JointModelPrismaticUnaligned(np.array([*edge.axis, 0.0]))]
+    free = [pin.JointModelPX(), pin.JointModelPY()] * (edge.freedom is Freedom.FREE)
+    return [*free, *[pin.JointModelRZ()] * (edge.freedom in (Freedom.TURN, Freedom.FREE))]
