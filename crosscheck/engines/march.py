@@ -23,12 +23,12 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import Array
 from crosscheck.engines.poses import (
     CAP,
     CONTRACTION,
     EPS,
     TRUST,
-    Array,
     Equations,
     Poses,
     close,

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crosscheck.engines import Array
 from refkin.motion import SINGULAR
-
-Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 CAP = 60

@@ -67,25 +67,23 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
         Engine, "" for none -> the record of this part, or a Failure.
     """
     whole: Record | Failure = parts[""]
+    rows: dict[str, Any] = {name: [] for name in ("answers", "levels", "refusals", "disagreements")}
     if isinstance(whole, Failure):
         scene, about = scene_of(job)
-        lost: dict[str, Any] = {name: [] for name in ("answers", "levels", "refusals", "disagreements")}
         text = f"the reference itself: {whole.name}; {whole.text}"
-        return Record(key=key_of(scene), scene=scene.name, about=about, failure=text, **lost)
+        return Record(key=key_of(scene), scene=scene.name, about=about, failure=text, **rows)
     of_reference = len(whole.disagreements)  # every part has these, too
-    answers, levels, refusals, disagreements = [], [], [], [*whole.disagreements]
+    rows["disagreements"] += whole.disagreements
     for engine in engines:
         part = parts[engine]
         if isinstance(part, Failure):
             who: Any = {"engine": engine, "method": "any", "quantity": "status"}
             kind = Cause(part.kind.value)
-            disagreements.append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
+            rows["disagreements"].append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
             continue
-        answers += part.answers
-        levels += part.levels
-        refusals += part.refusals
-        disagreements += part.disagreements[of_reference:]
-    return replace(whole, answers=answers, levels=levels, refusals=refusals, disagreements=disagreements)
+        for name, of_all in rows.items():
+            of_all += getattr(part, name)[of_reference if name == "disagreements" else 0 :]
+    return replace(whole, **rows)
 
 
 CHECK = Work(check_job, load_engines, joined)

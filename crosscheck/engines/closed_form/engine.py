@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 from flint import ctx
-from numpy.typing import NDArray
 
 from crosscheck.engines import (
     NATIVE,
     OF_SPACE,
     Adapter,
+    Array,
     Capabilities,
     EngineError,
     EngineRefusal,
@@ -43,8 +43,6 @@ from crosscheck.engines.closed_form.space_motion import space_closed
 from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Status
-
-Array = NDArray[np.float64]
 
 NO_ROWS = refused("a closed form has no constraint rows")
 EXPRESSED = (

@@ -22,7 +22,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
 from crosscheck.engines.mujoco.rows import in_order
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
-from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one, solved_rows
+from crosscheck.engines.tree.newton import Clockwork, Loops, newton_methods, solved_one, solved_rows
 from crosscheck.scenes.workloads import FourBars, LoopChain, Workload, whole
 from refkin.model import Scene
 
@@ -156,7 +156,7 @@ class OneMechanism:
         self.data = mujoco.MjData(self.samples.model)
         count = min(COARSE + 1, max(len(self.t) // EVERY, 2))
         self.coarse = np.linspace(self.t[0], self.t[-1], count)
-        self.at_coarse = loops.prescribed(self.coarse)
+        self.at_coarse = Clockwork.of(loops.tree.system.tree, self.coarse.tolist(), 1).values[:, :, 0]
         self._rows = np.zeros((2, 3, self.samples.model.nv))
 
     def solve(self, order: int) -> list[Any]:

@@ -231,10 +231,6 @@ class Loops:
             raise EngineError(f"{2 * len(joints.closures)} equations of loops for {len(free)} coordinates")
         return cls(tree, clock, free)
 
-    def prescribed(self, times: Any) -> Array:
-        """Return value, rate and acceleration of the prescribed coordinates at other times, (3, T, d)."""
-        return Clockwork.of(self.tree.system.tree, times, 1).values[:, :, 0]
-
 
 def solved_rows(matrix: Any, right: Any) -> Any:
     """Return the solutions (..., f) of systems (..., f, f); two equations by determinants, without a call for each."""

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import Array
 from crosscheck.engines import march as continuation
-from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Array, Equations, Poses, extrema
+from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Equations, Poses, extrema
 from crosscheck.engines.poses import close as close_all
 from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.motion import Status
