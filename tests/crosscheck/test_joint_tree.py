@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError
+from crosscheck.engines.spatial.tree import longest_chain
 from crosscheck.engines.tree.joint_tree import WIDTH, Freedom, JointTree, joint_tree
 from crosscheck.scenes.hard_case import pin
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver, elements_of
@@ -215,5 +216,5 @@ def test_a_missing_estimate_is_named() -> None:
         tree.start()
 
 
-def test_depth_counts_the_bodies_of_the_longest_chain() -> None:
-    assert joint_tree(four_bar()).depth == 2
+def test_the_longest_chain_counts_its_bodies() -> None:
+    assert longest_chain(joint_tree(four_bar()).edges) == 2

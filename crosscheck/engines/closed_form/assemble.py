@@ -69,7 +69,7 @@ class LocusRow:
 
 @dataclass
 class Assembly:
-    """The state of a solve: groups so far, what failed when, and what was decided without an estimate."""
+    """The state of a solve: groups so far, the ground's first; what failed when, what no estimate decided."""
 
     linkage: GroupedScene
     scene: Scene
@@ -83,15 +83,10 @@ class Assembly:
     meetings: list[Intersection] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        count = len(self.scene.times)
+        count, self.groups = len(self.scene.times), self.linkage.groups
         self.absent, self.singular = np.zeros(count, bool), np.zeros(count, bool)
         self.unsure_turns = np.zeros(max(count - 1, 0), bool)
         self.estimates = {b.name: b.estimate for b in self.scene.mechanism.bodies if b.estimate is not None}
-
-    @property
-    def groups(self) -> list[RigidGroup]:
-        """The groups that are left, the ground's first."""
-        return self.linkage.groups
 
     def run(self) -> RigidGroup:
         """Join everything to the ground and return that group; NotDyadic if one is left, or an angle is given twice."""

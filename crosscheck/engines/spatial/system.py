@@ -32,7 +32,7 @@ import numpy as np
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
 from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold, JointKind
-from crosscheck.engines.spatial.tree import SpaceTree
+from crosscheck.engines.spatial.tree import SpaceTree, longest_chain
 from crosscheck.engines.spatial.turning import about_z
 
 Array = Any
@@ -91,7 +91,7 @@ class SpaceSystem(Equations):
     """
 
     def __init__(self, tree: SpaceTree, build: Callable[[SpaceTree, list[Place], list[tuple[int, int]]], Any]) -> None:
-        self.tree = tree
+        self.tree, self._rounding = tree, 24.0 * (1 + longest_chain(tree.edges)) ** 2 * EPS
         self.places: list[Place] = []
         self.pairs: list[tuple[int, int]] = []
         self._rows: list[tuple[Row, Law]] = []
@@ -221,7 +221,7 @@ class SpaceSystem(Equations):
         As in the plane (`tree_system`), with products of three terms instead of two: a point at the end of `depth`
         links errs by 12 (1 + depth)^2 EPS (1 + |q|), and a row compares two.
         """
-        return 24.0 * (1 + self.tree.depth) ** 2 * EPS * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
+        return self._rounding * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
 
     def extrema(self, times: Array) -> Array:
         return extrema([law for _, law, _ in self._driven], times)

@@ -95,11 +95,6 @@ class SpaceTree:
         return sum(WIDTH[edge.kind] for edge in self.edges)
 
     @cached_property
-    def depth(self) -> int:
-        """The number of bodies in the longest chain."""
-        return longest_chain(self.edges)
-
-    @cached_property
     def balls(self) -> list[slice]:
         """Where Euler parameters are among the coordinates."""
         return [edge.turned for edge in self.edges if edge.kind in TURNED]

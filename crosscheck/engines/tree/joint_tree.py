@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from crosscheck.engines import EngineError, EngineRefusal, in_space
 from crosscheck.engines.frames import direction, through_its_point
-from crosscheck.engines.spatial.tree import longest_chain
 from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle, elements_of
 from refkin.model import Mechanism
 
@@ -97,11 +96,6 @@ class JointTree:
     def width(self) -> int:
         """The number n of tree coordinates."""
         return sum(WIDTH[edge.freedom] for edge in self.edges)
-
-    @cached_property
-    def depth(self) -> int:
-        """The number of bodies in the longest chain."""
-        return longest_chain(self.edges)
 
     @cached_property
     def angle_rows(self) -> dict[str, Array]:

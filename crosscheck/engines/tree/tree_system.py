@@ -27,6 +27,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.poses import EPS, Tabulated, extrema
+from crosscheck.engines.spatial.tree import longest_chain
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND, Constraint, Element, Pair, PointCoordinate, PointDistance, RelativeAngle, elements_of
@@ -95,7 +96,7 @@ class TreeSystem:
         for e in self.driven:
             if not isinstance(e, RelativeAngle | PointCoordinate | PointDistance):
                 raise EngineError(f"{e.key} of {e.name!r}: a joint tree has no row for it")
-        self._rounding = 16.0 * (1 + self.tree.depth) ** 2 * EPS
+        self._rounding = 16.0 * (1 + longest_chain(self.tree.edges)) ** 2 * EPS
         self._places: list[tuple[str, Pair]] = []
         self._laws = [Tabulated(self._in_the_unit(e), times) for e in self.driven]
         self._ends = [self._read_ends(e) for e in self.driven]
