@@ -128,3 +128,11 @@ def test_a_feature_refuses_by_name_what_it_is_not_written_for(feature):
 
     assert any(feature[1] in row.reason for row in record.refusals)
     assert record.disagreements == []
+
+
+def test_exudyn_refuses_initial_accelerations_at_times_below_zero():
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=(-0.5, 0.0))
+    record = check(scene, ["exudyn"], {"of_features": True})
+
+    assert [row.reason for row in record.refusals if "below zero" in row.reason]
+    assert record.disagreements == []

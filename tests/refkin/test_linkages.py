@@ -14,7 +14,15 @@ from hypothesis import strategies as st
 import refkin
 from crosscheck.strategies import four_bars, inverted_slider_cranks, slider_cranks
 from refkin.analysis import position
-from refkin.scenes.linkages import Branch, DoesNotAssemble, FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
+from refkin.scenes.linkages import (
+    Branch,
+    DoesNotAssemble,
+    FourBar,
+    GrashofClass,
+    InvertedSliderCrank,
+    ScrewJack,
+    SliderCrank,
+)
 from refkin.scenes.linkages.base import rough
 from refkin.system import compile_system
 
@@ -390,3 +398,16 @@ def test_estimate_is_rounded_finer_than_the_distance_of_the_assemblies(decade, s
     error = max(abs(x - exact[0]) / size, abs(y - exact[1]) / size, abs(phi - exact[2]))
     # Decimals count from the power of ten at or below the size; half a unit of the last one is left.
     assert error <= min(0.005, math.sqrt(part) / 20) + 16 * U
+
+
+@pytest.mark.parametrize("linkage", [FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0), ScrewJack(0.1)])
+def test_times_without_a_law_are_those_of_a_constant_speed(linkage):
+    scene = linkage.scene(speed=0.5, start=0.25, times=(-1.0, 0.0, 3.0))
+    driver = scene.mechanism.drivers[0]
+
+    assert scene.times == (-1.0, 0.0, 3.0)
+    assert [float(driver.laws[0](t)) for t in scene.times] == [-0.25, 0.25, 1.75]
+    with pytest.raises(refkin.InvalidScene, match=r"times: expected one time \[s\] or more, got \(\)"):
+        linkage.scene(times=())
+    with pytest.raises(refkin.InvalidScene, match=r"times: expected one time \[s\] or more"):
+        linkage.scene(law=driver.laws[0])

@@ -17,7 +17,7 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 
-from crosscheck.engines import Array, EngineError, Switch, route_by
+from crosscheck.engines import Array, EngineRefusal, Switch, route_by
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.parts import Builder
 from crosscheck.engines.exudyn.solve import StaticNewton, rates_at
@@ -30,7 +30,7 @@ UNEVEN = 1e-9
 
 
 class Integration:
-    """A scene in exudyn's time integration; EngineError if that cannot take it."""
+    """A scene in exudyn's time integration; EngineRefusal if that cannot take it."""
 
     def __init__(self, scene: Scene, unit: Unit, start: Any) -> None:
         _check(scene)
@@ -61,12 +61,18 @@ class Integration:
 
 
 def _check(scene: Scene) -> None:
-    """Raise EngineError if exudyn's time integration cannot take a scene."""
+    """Raise EngineRefusal if exudyn's time integration cannot take a scene."""
+    _check_start(scene)
     if any(isinstance(e, PointDistance) and e.laws for e in elements_of(scene.mechanism.constraints)):
-        raise EngineError("a driven distance is set anew at each time, which a time integration does not do")
+        raise EngineRefusal("a driven distance is set anew at each time, which a time integration does not do")
     steps = np.diff(scene.times)
     if not len(steps) or np.max(np.abs(steps - steps[0])) > UNEVEN * steps[0]:
-        raise EngineError("its steps are even, the times of this scene are not")
+        raise EngineRefusal("its steps are even, the times of this scene are not")
+
+
+def _check_start(scene: Scene) -> None:
+    if scene.times[0] < 0.0:
+        raise EngineRefusal("its time integration starts at no time below zero")
 
 
 def _keep(levels: list[Any], steps: int, count: Iterator[int], mbs: Any, t: float) -> bool:
@@ -110,6 +116,7 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
     ----------
     scene, motion, unit : Scene, Motion, Unit
     """
+    _check_start(scene)
     assert motion.qd is not None
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, mass=1.0)
     model.clock.follows = True

@@ -191,9 +191,10 @@ class Linkage(Shown):
             The input turns from `start` [rad] at constant `speed` [rad/s], that many turns, over so many times.
         branch : Branch or str
             The assembly at the first time.
-        law, times : Law and sequence of float, optional
-            Instead of those four: any motion law of the input, a rate as `Integral(rate=..., initial=...)`, and the
-            times [s].
+        law : Law, optional
+            Instead of those four: any motion law of the input, a rate as `Integral(rate=..., initial=...)`; with times.
+        times : sequence of float, optional
+            Instead of `turns` and `samples`: the times [s].
         driven, relative_to : str
             What the law holds, one of `INPUTS`. For a slider: x of the wrist pin in the ground frame, or its y if the
             guide is nearer to the vertical.
@@ -364,23 +365,21 @@ def law_and_times(
     law, times : Law, sequence of float; optional
         In place of all of these; times in [s].
     """
-    if law is None:
-        asked = (
-            ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
-            ("turns", turns, _is_finite(turns) and turns > 0, "a number above 0"),
-            ("samples", samples, isinstance(samples, int) and samples > 1, "a whole number above 1"),
-            ("start", start, _is_finite(start), "a finite angle [rad]"),
-        )
-        faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits]
-    else:
-        given = [] if times is None else [float(t) for t in times]
-        faults = [*law.faults("law"), *([] if given else [Fault("times", times, "times [s], as a law is given")])]
+    given = None if times is None else [float(t) for t in times]
+    asked = (
+        ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
+        ("start", start, _is_finite(start), "a finite angle [rad]"),
+        ("turns", turns, given or (_is_finite(turns) and turns > 0), "a number above 0"),
+        ("samples", samples, given or (isinstance(samples, int) and samples > 1), "a whole number above 1"),
+    )
+    faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits] if law is None else []
+    faults += law.faults("law") if law is not None else []
+    if given == [] or (given is None and law is not None):
+        faults.append(Fault("times", times, "one time [s] or more"))
     if faults:
         raise InvalidScene(faults, "linkage")
-    if law is not None:
-        return law, given
-    stop = math.tau * turns / abs(speed)
-    return Polynomial(coefficients=(float(start), float(speed))), np.linspace(0.0, stop, samples).tolist()
+    law = Polynomial(coefficients=(float(start), float(speed))) if law is None else law
+    return law, given or np.linspace(0.0, math.tau * turns / abs(speed), samples).tolist()
 
 
 def _is_finite(value: object) -> bool:
