@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, JointKind, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, parameters, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism

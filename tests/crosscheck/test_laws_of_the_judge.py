@@ -18,7 +18,8 @@ from crosscheck.engines import EngineError, Level, load
 from crosscheck.engines.exudyn.solve import solved as solved_or_not
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
-from crosscheck.engines.spatial.reading import Hold, JointKind
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import Hold
 from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, matrix, parameters, product, rates
 from crosscheck.judge.budget import (
     BOTH_SIDES,

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import Level, load, refused_joints
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.passive import _feels, _in_other, _lines, _on, spins
-from crosscheck.engines.spatial.reading import Hold, JointKind, numbers_of
+from crosscheck.engines.spatial.reading import Hold, numbers_of
 from crosscheck.engines.spatial.turning import joint_frame, product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.levels import compare_levels, configurations
@@ -148,19 +149,18 @@ def held_by(kind, i, j):
     d, h, other = j[0] - i[0], i[1][2], j[1][2]
     same, on_axis, turn = [axis @ other for axis in i[1][:2]], [axis @ d for axis in i[1][:2]], [i[1][0] @ j[1][1]]
     held = {
-        "spherical": [d],
-        "revolute": [d, same],
-        "universal": [d, [h @ other]],
-        "cylindrical": [same, on_axis],
-        "prismatic": [same, on_axis, turn],
-        "fixed": [d, same, turn],
-        "parallel": [same],
-        "perpendicular": [[h @ other]],
-        "point_on_line": [on_axis],
-        "point_on_plane": [[h @ d]],
-        "displacement?": [[h @ d]],
-        "distance": [[d @ d]],
-        "distance?": [[d @ d]],
+        JointKind.SPHERICAL: [d],
+        JointKind.REVOLUTE: [d, same],
+        JointKind.UNIVERSAL: [d, [h @ other]],
+        JointKind.CYLINDRICAL: [same, on_axis],
+        JointKind.PRISMATIC: [same, on_axis, turn],
+        JointKind.FIXED: [d, same, turn],
+        JointKind.PARALLEL: [same],
+        JointKind.PERPENDICULAR: [[h @ other]],
+        JointKind.ON_LINE: [on_axis],
+        JointKind.ON_PLANE: [[h @ d]],
+        JointKind.DISPLACEMENT: [[h @ d]],
+        JointKind.DISTANCE: [[d @ d]],
     }
     return held if kind is None else np.concatenate(held[kind])
 
@@ -181,7 +181,7 @@ def test_a_joint_feels_a_turn_of_one_of_its_bodies_if_what_it_holds_changes(kind
         line = axes[2] if along else np.array([0.6, 0.0, 0.8])
         new = at + turned(point - at, line, 0.9), np.array([turned(axis, line, 0.9) for axis in axes])
         changes = not np.allclose(held_by(kind, **ends), held_by(kind, **{**ends, body: new}))
-        swings = kind in ("point_on_plane", "displacement?") and body == "j" and along and not on
+        swings = kind in ("point_on_plane", "displacement") and body == "j" and along and not on
         assert _feels(hold, kind, body, (at, line)) == (changes or swings)  # within the plane: no spin in place
 
 

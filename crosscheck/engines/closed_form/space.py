@@ -39,6 +39,7 @@ from crosscheck.engines.closed_form.space_vectors import (
     least_squares,
     together,
 )
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import AXIAL, MEETING, Given, given, numbers_of
 from crosscheck.engines.spatial.turning import matrix
 from refkin.joints import GROUND
@@ -47,8 +48,11 @@ from refkin.model import Scene
 ALIKE = 1e-10
 """Conditions whose coefficients are smaller than this part of a size say nothing; two whose directions differ by less
 than its root say the same."""
-CROSSED = ("universal", "perpendicular")
-PARTS = ("orientation", "turn", "twist", "thread", "other")
+CROSSED = (JointKind.UNIVERSAL, JointKind.PERPENDICULAR)
+PARTS = (JointKind.ORIENTATION, JointKind.TURN, JointKind.TWIST, JointKind.THREAD, JointKind.OTHER)
+LEAST_FREE_FIRST = (
+    JointKind.FIXED, JointKind.SCREW, JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.CYLINDRICAL
+)  # fmt: skip
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
 
 
@@ -60,7 +64,7 @@ class NotPlaced(Exception):
 class KinematicPair:
     """A joint, or a driver that holds a distance, seen from either body: points, frames (f, g, h), numbers, laws."""
 
-    kind: str
+    kind: JointKind
     name: str
     bodies: tuple[str, str]
     points: tuple[Vector, Vector]
@@ -132,7 +136,7 @@ class SpatialAssembly:
 
     def _law(self, g: Given) -> Jet:
         jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)
-        return jet if g.kind == "angle" else jet.times(self.arithmetic.number(1.0 / self.size))
+        return jet if g.kind is JointKind.ANGLE else jet.times(self.arithmetic.number(1.0 / self.size))
 
     def _pair(self, g: Given, laws: Mapping[tuple[str, str], Jet]) -> KinematicPair:
         scale = self.arithmetic.number(1.0 / self.size)  # a power of two
@@ -153,8 +157,8 @@ class SpatialAssembly:
             length=self._law(g) if g.laws else length,
             pitch=pitch,
             shift=shift,
-            angle=laws.get((g.name, "angle")),
-            displacement=laws.get((g.name, "displacement")),
+            angle=laws.get((g.name, JointKind.ANGLE)),
+            displacement=laws.get((g.name, JointKind.DISPLACEMENT)),
         )
 
     # deductions
@@ -173,9 +177,8 @@ class SpatialAssembly:
         ends = [pair for pair in self.pairs if body in pair.bodies and self._known(pair, body) is not None]
         if len({tuple(pair.points[pair.side(body)].part("v", 1)[:, 0]) for pair in ends}) > 2:
             raise NotPlaced(f"{body}: more points are held than the two that place it, by rows that may differ")
-        order = ("fixed", "screw", "revolute", "prismatic", "cylindrical")  # what leaves least free comes first
-        held = [t for t in self.pairs if body in t.bodies and t.other(body) in self.placed and t.kind in order]
-        for pair in sorted(held, key=lambda t: order.index(t.kind)):
+        near = [t for t in self.pairs if body in t.bodies and t.other(body) in self.placed]
+        for pair in [t for kind in LEAST_FREE_FIRST for t in near if t.kind is kind]:
             freedom = self._freedom(pair, body)
             if isinstance(freedom, Frame):
                 self.placed[body] = freedom
@@ -193,14 +196,16 @@ class SpatialAssembly:
         f, g, h = (base.turned(v) for v in pair.frames[1 - side])
         at, own = base.point(pair.points[1 - side]), pair.frames[side]
         angle, shift = pair.angle, pair.displacement
-        if pair.kind == "screw":
+        if pair.kind is JointKind.SCREW:
             if angle is None and shift is not None:
                 angle = (shift - pair.shift) / pair.pitch
             if angle is None:
                 return None
             shift = pair.pitch * angle + pair.shift
-        angle = self.number(0.0) if pair.kind in ("prismatic", "fixed") else angle
-        shift = self.number(0.0) if pair.kind in ("revolute", "fixed") else shift
+        if pair.kind in (JointKind.PRISMATIC, JointKind.FIXED):
+            angle = self.number(0.0)
+        if pair.kind in (JointKind.REVOLUTE, JointKind.FIXED):
+            shift = self.number(0.0)
         if shift is None and (pair.name, side) in self.points:
             shift = h.dot(self.points[pair.name, side] - at) * sign
         cos, sin = (self.number(1.0), self.number(0.0)) if angle is None else angle.cos_sin()
@@ -261,7 +266,7 @@ class SpatialAssembly:
 
     def _direct(self, pair: KinematicPair, side: int, turning: Turning, base: Frame) -> Iterator[Condition]:
         point, there = turning.point(pair.points[side]), base.point(pair.points[1 - side])
-        if pair.kind == "distance":
+        if pair.kind is JointKind.DISTANCE:
             yield point.on_sphere(there, pair.length)
         if pair.kind in MEETING:
             for axis in (base.x, base.y, base.z):
@@ -274,9 +279,9 @@ class SpatialAssembly:
                 yield own.in_plane(axis, axis.dot(their))
         if pair.kind in CROSSED:
             yield own.in_plane(their, self.number(0.0))
-        if pair.kind == "point_on_plane" and side == 1:
+        if pair.kind is JointKind.ON_PLANE and side == 1:
             yield point.in_plane(their, their.dot(there))
-        if pair.kind == "point_on_plane" and side == 0:
+        if pair.kind is JointKind.ON_PLANE and side == 0:
             yield own.in_plane(there - turning.foot, own.still.dot(point.still - turning.foot) + own.c.dot(point.c))
 
     def _by_link(self, pair: KinematicPair, side: int, link: str, turning: Turning) -> Iterator[Condition]:
@@ -286,12 +291,12 @@ class SpatialAssembly:
             point, there = turning.point(pair.points[side]), base.point(far.points[1 - its])
             arm = pair.points[mine] - far.points[its]
             yield point.on_sphere(there, arm.dot(arm).sqrt())
-            if far.kind == "revolute":
+            if far.kind is JointKind.REVOLUTE:
                 axis, own = base.turned(far.frames[1 - its][2]), far.frames[its][2]
                 yield point.in_plane(axis, axis.dot(there) + own.dot(arm))
-                if pair.kind == "revolute":
+                if pair.kind is JointKind.REVOLUTE:
                     yield turning.direction(pair.frames[side][2]).in_plane(axis, own.dot(pair.frames[mine][2]))
-            if pair.kind == "revolute":
+            if pair.kind is JointKind.REVOLUTE:
                 own = turning.direction(pair.frames[side][2])
                 constant = own.still.dot(point.still - turning.foot) + own.c.dot(point.c)
                 yield own.in_plane(there - turning.foot, constant - pair.frames[mine][2].dot(arm))
@@ -325,7 +330,7 @@ class SpatialAssembly:
         """Yield a point of a body, where what holds it is, and the distance of the two."""
         side, other = pair.side(body), pair.other(body)
         point = frame.point(pair.points[side])
-        if pair.kind == "distance" and other in self.placed:
+        if pair.kind is JointKind.DISTANCE and other in self.placed:
             yield point, self.placed[other].point(pair.points[1 - side]), pair.length
         if other in self.placed:
             return

@@ -13,6 +13,7 @@ from crosscheck.engines.closed_form.jets import Balls, Floats, midpoint
 from crosscheck.engines.closed_form.space import BETWEEN, NotPlaced, SpatialAssembly
 from crosscheck.engines.closed_form.space_vectors import Frame
 from crosscheck.engines.march import hermite
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.motion import coordinates, reported
 from crosscheck.engines.spatial.reading import Hold, numbers_of
 from crosscheck.engines.spatial.turning import parameters
@@ -143,15 +144,15 @@ def _gap(hold: Hold, placed: dict[str, Frame], count: int) -> Array:
     apart = np.abs(d).max(axis=0)
     off = np.linalg.norm(other[:, 2] - h, axis=0)
     errors = {
-        "distance": lambda: np.abs(np.linalg.norm(d, axis=0) - hold.length),
-        "spherical": lambda: apart,
-        "universal": lambda: np.maximum(apart, np.abs(np.sum(h * other[:, 2], axis=0))),
-        "perpendicular": lambda: np.abs(np.sum(h * other[:, 2], axis=0)),
-        "parallel": lambda: off,
-        "point_on_plane": lambda: np.abs(np.sum(h * d, axis=0)),
-        "point_on_line": lambda: across,
-        "revolute": lambda: np.maximum(apart, off),
-        "fixed": lambda: np.maximum(apart, np.abs(other - axes).max(axis=(0, 1))),
-        "prismatic": lambda: np.maximum(across, np.abs(other - axes).max(axis=(0, 1))),
+        JointKind.DISTANCE: lambda: np.abs(np.linalg.norm(d, axis=0) - hold.length),
+        JointKind.SPHERICAL: lambda: apart,
+        JointKind.UNIVERSAL: lambda: np.maximum(apart, np.abs(np.sum(h * other[:, 2], axis=0))),
+        JointKind.PERPENDICULAR: lambda: np.abs(np.sum(h * other[:, 2], axis=0)),
+        JointKind.PARALLEL: lambda: off,
+        JointKind.ON_PLANE: lambda: np.abs(np.sum(h * d, axis=0)),
+        JointKind.ON_LINE: lambda: across,
+        JointKind.REVOLUTE: lambda: np.maximum(apart, off),
+        JointKind.FIXED: lambda: np.maximum(apart, np.abs(other - axes).max(axis=(0, 1))),
+        JointKind.PRISMATIC: lambda: np.maximum(across, np.abs(other - axes).max(axis=(0, 1))),
     }
     return errors.get(hold.kind, lambda: np.maximum(across, off))()

@@ -36,6 +36,7 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.exudyn.readings import OUT, ExudynRow, Readings, product
 from crosscheck.engines.frames import Length, Linear, RowMap
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import (
     COUNTED,
     CROSSED,
@@ -46,7 +47,6 @@ from crosscheck.engines.spatial.reading import (
     G,
     H,
     Hold,
-    JointKind,
     Numbers,
     numbers_of,
 )

@@ -18,8 +18,9 @@ from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
 from crosscheck.engines.poses import EPS, extrema
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.motion import estimates, reported
-from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, JointKind, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND

@@ -23,7 +23,8 @@ from crosscheck.engines.march import Closing
 from crosscheck.engines.mujoco.model import Plan, add_equality, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
-from crosscheck.engines.spatial.reading import Drive, Hold, JointKind, numbers_of
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import Drive, Hold, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import WIDTH, space_tree
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree

@@ -14,7 +14,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
-from crosscheck.engines.spatial.reading import JointKind
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import parameters

@@ -18,7 +18,8 @@ import pinocchio as pin
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import Closing
 from crosscheck.engines.pinocchio.model import shift, tree_model, turn, unit_vector
-from crosscheck.engines.spatial.reading import Drive, JointKind
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import Drive
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle

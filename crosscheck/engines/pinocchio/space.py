@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
-from crosscheck.engines.spatial.reading import JointKind
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from refkin.joints import GROUND

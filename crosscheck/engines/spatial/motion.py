@@ -17,7 +17,8 @@ import numpy as np
 from crosscheck.engines import ConstraintModel, Level, Term, answered
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
-from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, JointKind, Numbers, numbers_of
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Numbers, numbers_of
 from crosscheck.engines.spatial.system import Place, SpaceSystem
 from crosscheck.engines.spatial.tree import absolute_tree, space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines.spatial.kinds import JointKind
 from refkin.joints import GROUND
 
 Array = Any
@@ -31,7 +32,7 @@ def spins(bodies: Sequence[str], holds: Sequence[Any], drives: Sequence[Any]) ->
     holds, drives : sequence of Hold, of Drive
         As `Numbers` has them.
     """
-    pairs = [*((hold, hold.kind) for hold in holds), *((drive.hold, drive.kind + "?") for drive in drives)]
+    pairs = [*((hold, hold.kind) for hold in holds), *((drive.hold, drive.kind) for drive in drives)]
     taken = set[str]()
     for body in bodies:
         if body in taken:
@@ -67,29 +68,29 @@ def _group(body: str, line: Line, pairs: Sequence[Any]) -> dict[str, Line] | Non
     return group if len(outer) > 1 else None
 
 
-def _feels(hold: Any, kind: str, body: str, line: Line) -> bool:
-    """Whether a joint, or the driver of one (its kind with a `?`), feels that one of its bodies turns about a line."""
+def _feels(hold: Any, kind: JointKind, body: str, line: Line) -> bool:
+    """Whether a joint, or the driver of one, feels that one of its bodies turns about a line."""
     u, frame = hold.end(body)
     on, along, first = _on(u, line), _along(frame[:, 2], line), body == hold.body_i
-    if kind in ("spherical", "distance", "distance?"):
+    if kind in (JointKind.SPHERICAL, JointKind.DISTANCE):
         return not on
-    if kind in ("revolute", "cylindrical", "universal"):
+    if kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.UNIVERSAL):
         return not (on and along)
-    if kind in ("parallel", "perpendicular"):
+    if kind in (JointKind.PARALLEL, JointKind.PERPENDICULAR):
         return not along
-    if kind in ("point_on_plane", "displacement?"):
+    if kind in (JointKind.ON_PLANE, JointKind.DISPLACEMENT):
         return not (along if first else on)
-    return kind != "point_on_line" or not (on and (along or not first))
+    return kind is not JointKind.ON_LINE or not (on and (along or not first))
 
 
 def _in_other(hold: Any, body: str, line: Line) -> Line | None:
     """Return a line of a body as the other body of a joint has it, wherever a slide along it may be."""
     (u, frame), (v, other) = hold.end(body), hold.end(hold.other(body))
     along = _along(frame[:, 2], line)
-    if hold.kind == "fixed" or (hold.kind == "prismatic" and along):
+    if hold.kind is JointKind.FIXED or (hold.kind is JointKind.PRISMATIC and along):
         turn = other @ frame.T
         return v + turn @ (line[0] - u), turn @ line[1]
-    if hold.kind in ("revolute", "cylindrical", "screw") and along and _on(u, line):
+    if hold.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW) and along and _on(u, line):
         return v, other[:, 2] * np.sign(frame[:, 2] @ line[1])
     return None
 
@@ -109,7 +110,7 @@ def _ends(body: str, pairs: Sequence[Any], seen: set[str]) -> Iterator[Line]:
         if body not in hold.bodies:
             continue
         u, frame = hold.end(body)
-        if kind != "fixed":
+        if kind is not JointKind.FIXED:
             yield u, frame[:, 2]
         elif hold.other(body) not in seen | {GROUND}:
             seen.add(hold.other(body))

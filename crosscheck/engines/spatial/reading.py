@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -15,57 +14,12 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array
+from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.passive import Line, spins
 from crosscheck.engines.spatial.turning import about_z, joint_frame
 from refkin import joints
 from refkin.model import Mechanism
 from refkin.motion_laws import Law
-
-
-class JointKind(StrEnum):
-    """What a joint is, or a part of one (`SHAPES`); what a driver moves (`DRIVEN`); or that nothing holds a body."""
-
-    SPHERICAL = "spherical"
-    """Two points coincide."""
-    REVOLUTE = "revolute"
-    """And two axes are in line: a turn is left."""
-    PRISMATIC = "prismatic"
-    """A shift along an axis is left."""
-    CYLINDRICAL = "cylindrical"
-    """A turn and a shift are."""
-    UNIVERSAL = "universal"
-    """Two points coincide, two axes cross at a right angle."""
-    SCREW = "screw"
-    """A shift is left, with a turn in proportion."""
-    FIXED = "fixed"
-    """Nothing is left."""
-    DISTANCE = "distance"
-    """Two points keep a distance."""
-    PARALLEL = "parallel"
-    """Two axes keep one direction."""
-    PERPENDICULAR = "perpendicular"
-    """Two axes keep a right angle."""
-    ON_PLANE = "point_on_plane"
-    """A point stays in a plane."""
-    ON_LINE = "point_on_line"
-    """A point stays on a line."""
-    ORIENTATION = "orientation"
-    """Two axes keep one direction, and nothing turns about them."""
-    TURN = "turn"
-    """Nothing turns about axes that the rest of the joint keeps parallel."""
-    TWIST = "twist"
-    """Nothing turns about axes that nothing else of the joint keeps parallel."""
-    THREAD = "thread"
-    """A shift along an axis is in proportion to a turn about it."""
-    ANGLE = "angle"
-    """A driver of a turn about an axis."""
-    DISPLACEMENT = "displacement"
-    """A driver of a shift along one."""
-    FREE = "free"
-    """No joint: a body that nothing holds."""
-    OTHER = "other"
-    """A joint of which nothing is known but its bodies."""
-
 
 MEETING = frozenset({JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL, JointKind.FIXED})
 """Joints whose two points are one."""

@@ -31,7 +31,8 @@ import numpy as np
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
-from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold, JointKind
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold
 from crosscheck.engines.spatial.tree import SpaceTree, longest_chain
 from crosscheck.engines.spatial.turning import about_z
 

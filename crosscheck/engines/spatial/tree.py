@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError
-from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, JointKind, Numbers
+from crosscheck.engines.spatial.kinds import JointKind
+from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, Numbers
 from crosscheck.engines.spatial.turning import about_z, body_columns, matrix, parameters
 from refkin.joints import GROUND
 
