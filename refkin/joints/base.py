@@ -120,8 +120,8 @@ class Constraint:
     name: str
     type: str = field(init=False)
     kind = PLANE
-    law_is_length = False
-    """Whether a law gives lengths [m], which the unit scales, or angles [rad]."""
+    law_is_angle = False
+    """Whether a law gives angles [rad], or lengths [m], which the unit scales."""
     __pydantic_config__ = STRICT
 
     @property  # so that a class has none: Hypothesis prints those of drawn drivers as well
@@ -212,7 +212,7 @@ class Constraint:
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         """Return per law the shift, and the factor: a scaled law is (f - shift) / factor."""
-        return (0.0,) * len(self.laws), unit.size if self.law_is_length else 1.0
+        return (0.0,) * len(self.laws), 1.0 if self.law_is_angle else unit.size
 
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield what is wrong with the constraint's own numbers."""

@@ -57,6 +57,7 @@ class AngleDriver(Driver):
     body: str
     relative_to: str = GROUND
     type: Literal["angle"] = "angle"
+    law_is_angle = True
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -138,7 +139,6 @@ class DistanceDriver(Driver, BetweenPoints):
     """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0 (J16)."""
 
     type: Literal["distance"] = "distance"
-    law_is_length = True
 
     def elements(self) -> Iterator[Element]:
         yield PointDistance(**ends_of(self), laws=self.laws)

@@ -38,7 +38,6 @@ class Revolute(BetweenPoints):
     """
 
     rows = 2
-    law_is_length = True
     offset_law: tuple[AnyLaw, AnyLaw] | None = None
     type: Literal["revolute"] = "revolute"
 

@@ -42,6 +42,7 @@ class TurnDriver(DriverOfBodies):
     zero_i: Triple | None
     zero_j: Triple | None
     form: str
+    law_is_angle = True
     formulas = ({"half": Angle(), "dot": Sine(), "counted": TurnCount()},)
     consists_of = (TurnAboutAxis,)
 
@@ -63,7 +64,6 @@ class ShiftDriver(DriverOfBodies):
     point_i: Triple
     axis_i: Triple
     point_j: Triple
-    law_is_length = True
     formulas = (Guide("hi", law=True),)
     consists_of = (ShiftAlongAxis,)
 
@@ -105,6 +105,7 @@ class SpatialAngleDriver(JointDriver):
 
     form: Literal["half", "dot"] = "half"
     type: Literal["angle"] = "angle"
+    law_is_angle = True
     becomes = TurnDriver
 
 
@@ -121,7 +122,6 @@ class SpatialDistanceDriver(BetweenSpatialPoints, Driver):  # type: ignore[overr
     """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
 
     type: Literal["distance"] = "distance"
-    law_is_length = True
     formulas = (Span(law=True),)
     consists_of = (SpatialPointDistance,)
 

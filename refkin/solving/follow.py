@@ -37,8 +37,6 @@ _ITSELF = Polynomial(coefficients=(0.0, 1.0))
 """The law of a driver whose value is t."""
 NEARLY = math.sqrt(SAME)
 """A clearance below which a pose is beside one where paths meet, or that is alone."""
-ANGLE = "angle"
-"""The type of a driver whose law is an angle, in the plane or in space."""
 
 
 @dataclass(frozen=True)
@@ -293,7 +291,7 @@ class _Continuation:
             t[np.abs(t - limit) <= EPS * abs(limit)] = limit
         residual, radius = _evidence(system, q, t)
         driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
-        own = (f"{d.name} [{'rad' if d.type == ANGLE else 'm'}]" for d in driven)
+        own = (f"{d.name} [{'rad' if d.law_is_angle else 'm'}]" for d in driven)
         singular = bool(poses) and self.curve.clearance(trace.points[-1]) < NEARLY
         why = _why(system, trace.end, q[:, -1], t[-1], singular) if poses else str(trace.end)
         return Path(
@@ -338,7 +336,7 @@ def _why(system: System, end: PathEnd, q: Any, t: float, singular: bool) -> str:
 def _is_driven_angle(mechanism: Mechanism) -> bool:
     """Whether t is the angle of a driver, and all other drivers are at rest."""
     moving = [d for d in mechanism.drivers if not (isinstance(d.law, Polynomial) and not any(d.law.coefficients[1:]))]
-    return len(moving) == 1 and moving[0].type == ANGLE and moving[0].laws == (_ITSELF,)
+    return len(moving) == 1 and moving[0].law_is_angle and moving[0].laws == (_ITSELF,)
 
 
 def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:

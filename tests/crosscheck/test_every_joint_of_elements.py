@@ -315,6 +315,7 @@ class Motor(Composed):
     """A cylinder that turns by a law of its own."""
 
     law: Any
+    law_is_angle = True
     consists_of = (PointOnAxis, TurnAboutAxis, AxesParallel)
     formulas = (*FORMULAS[PointOnAxis], *joints.spatial_drivers.TurnDriver.formulas, *FORMULAS[AxesParallel])
 

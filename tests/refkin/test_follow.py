@@ -25,6 +25,7 @@ from refkin import (
     YDriver,
     compile_system,
 )
+from refkin.joints import DRIVER_TYPES, SPATIAL_DRIVER_TYPES
 from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import BEND, CLOSE, FIRST_STEP, INSIDE, STANDING, TraceEnd, Tracer
@@ -446,6 +447,10 @@ def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first(
 
     assert scene.times == (pytest.approx(0.55),)
     assert scene.mechanism.drivers[0].law == Polynomial(coefficients=(0.0, 1.0))
+
+
+def test_laws_of_the_drivers_called_angle_alone_are_angles():
+    assert {c.type for c in (*DRIVER_TYPES, *SPATIAL_DRIVER_TYPES) if c.law_is_angle} == {"angle"}
 
 
 @pytest.mark.parametrize(
