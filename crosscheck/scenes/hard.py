@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -226,10 +227,9 @@ def _fan(loops: int, angles: Sequence[float]) -> tuple[list[Revolute], dict[floa
     joints: list[Revolute] = []
     poses: dict[float, Pose] = {angle: {} for angle in angles}
     for n in range(loops):
-        one = FourBar(ground=4.0 + 2.0 * n / loops, crank=1.0, coupler=3.5 + n / loops, rocker=3.0)
+        one: Any = FourBar(ground=4.0 + 2.0 * n / loops, crank=1.0, coupler=3.5 + n / loops, rocker=3.0)
         names = {GROUND: GROUND, "crank": "crank", "coupler": f"coupler {n}", "rocker": f"rocker {n}"}
         for joint in one.joints()[min(n, 1) :]:  # one crank for all
-            assert isinstance(joint, Revolute)
             i, j = (names[body] for body in joint.bodies)
             joints.append(replace(joint, name=f"{joint.name} {n}", body_i=i, body_j=j))
         for angle in angles:

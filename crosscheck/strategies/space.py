@@ -19,7 +19,7 @@ from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, turn
 from crosscheck.strategies.spans import Binned
-from refkin.joints import GROUND, Screw, SpatialAngleDriver, SpatialDistanceDriver, Universal
+from refkin.joints import GROUND, Screw, SpatialAngleDriver, Universal
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
@@ -98,7 +98,7 @@ def _scene(draw: DrawFn, plan: SpacePlan, law: Law, size: float, times: tuple[fl
     pose = SpaceAssembly(frames, place, apart, size)
     plan.joints(pose)
     bodies = tuple(Body(name=body, estimate=_rough(*frames[body], size)) for body in plan.bodies)
-    drivers: list[Any] = [joint for joint in pose.joints if isinstance(joint, SpatialDistanceDriver)]
+    drivers: list[Any] = [joint for joint in pose.joints if joint.laws]
     joints = tuple(joint for joint in pose.joints if joint not in drivers)
     if draw(st.booleans(), label="bodies of joints the other way round"):
         joints = tuple(map(_reversed, joints))

@@ -117,9 +117,8 @@ def _structures(linkage: AnyLinkage, held: tuple[str, str]) -> list[tuple[str, s
 
 
 def _without_slider(model: LinkageModel) -> LinkageModel:
-    a0, a, b, guide = model.joints
-    assert isinstance(b, Revolute)
-    assert isinstance(guide, Prismatic)
+    joints: Any = model.joints
+    a0, a, b, guide = joints
     line: dict[str, Any] = {"body_i": GROUND, "point_i": guide.point_i, "axis_i": guide.axis_i}
     on_guide = PointOnLine(name="guide", **line, body_j=ROD, point_j=b.point_i)
     pose = {body: q for body, q in model.pose.items() if body != "slider"}
@@ -127,8 +126,8 @@ def _without_slider(model: LinkageModel) -> LinkageModel:
 
 
 def _with_block(model: LinkageModel) -> LinkageModel:
-    a0, b0, a = model.joints
-    assert isinstance(a, PointOnLine)
+    joints: Any = model.joints
+    a0, b0, a = joints
     pin = Revolute(name="A", body_i=a.body_j, point_i=a.point_j, body_j="block", point_j=(0.0, 0.0))
     line: dict[str, Any] = {"body_i": a.body_i, "point_i": a.point_i, "axis_i": a.axis_i}
     slide = Prismatic(name="slide", **line, body_j="block", point_j=(0.0, 0.0))
@@ -168,30 +167,30 @@ def _reframed(model: LinkageModel, frames: Mapping[str, Frame], stretch: float) 
     return LinkageModel(tuple(_in_frames(joint, frames, stretch) for joint in model.joints), pose, pins)
 
 
-def _in_frames(joint: Constraint, frames: Mapping[str, Frame], stretch: float) -> Constraint:
+def _in_frames(joint: Any, frames: Mapping[str, Frame], stretch: float) -> Any:
     i, j = (frames.get(body) for body in joint.bodies)
     (_, point_i), (_, point_j) = joint.points()
     keys: dict[str, object] = {"point_i": _in_frame(i, point_i), "point_j": _in_frame(j, point_j)}
     turned_i, turned_j = (frame[2] if frame else 0.0 for frame in (i, j))
-    if isinstance(joint, PointOnLine | Prismatic):
+    if hasattr(joint, "axis_i"):
         x, y = _turned(joint.axis_i, -turned_i)
         keys["axis_i"] = (x * stretch, y * stretch)
-    if isinstance(joint, Prismatic | Fixed):
+    if hasattr(joint, "angle"):
         keys["angle"] = joint.angle + turned_j - turned_i
-    return replace(joint, **keys)  # type: ignore[arg-type]
+    return replace(joint, **keys)
 
 
-def _swap(joint: Constraint) -> Constraint:
-    """Exchange bodies i and j of a joint that says the same of both; leave the others."""
-    if isinstance(joint, PointOnLine):
+def _swap(joint: Any) -> Any:
+    """Exchange bodies i and j of a joint that says the same of both; leave a point on a line, which does not."""
+    if hasattr(joint, "axis_i") and not hasattr(joint, "angle"):
         return joint
     (body_i, point_i), (body_j, point_j) = joint.points()
     keys: dict[str, object] = {"body_i": body_j, "point_i": point_j, "body_j": body_i, "point_j": point_i}
-    if isinstance(joint, Prismatic | Fixed):
+    if hasattr(joint, "angle"):
         keys["angle"] = -joint.angle
-    if isinstance(joint, Prismatic):
+    if hasattr(joint, "axis_i"):
         keys["axis_i"] = _turned(joint.axis_i, -joint.angle)  # the same line, carried by the other body
-    return replace(joint, **keys)  # type: ignore[arg-type]
+    return replace(joint, **keys)
 
 
 def _turned(u: Pair, angle: float) -> Pair:

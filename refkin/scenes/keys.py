@@ -40,8 +40,8 @@ MOST_TIMES = 10_000_000
 if TYPE_CHECKING:
     AnyJoint = Constraint
     AnyDriver = Driver
-    SpatialJoint = Constraint
-    SpatialDriver = Driver
+    SpatialJoint = AnyJoint
+    SpatialDriver = AnyDriver
 else:
     AnyJoint, AnyDriver, SpatialJoint, SpatialDriver = (
         Annotated[Union[types], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
