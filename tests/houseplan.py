@@ -39,6 +39,8 @@ def imported(path):
             package = module_name(path).split(".")[: -node.level + (path.name == "__init__.py") or None]
             start = ".".join([*(package if node.level else ()), *filter(None, [node.module])])
             yield from (f"{start}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Attribute) and (name := ast.unparse(node)).startswith(("refkin.", "crosscheck.")):
+            yield name  # `refkin.proof.pose` by way of a plain `import refkin`
 
 
 def module_of(name):

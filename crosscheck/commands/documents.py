@@ -12,7 +12,7 @@ from rich.console import Console
 
 from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
 from crosscheck.documents.ledger import ledger_rows, read
-from crosscheck.documents.page import closing, digits_told, tally
+from crosscheck.documents.ledger.page import closing, digits_told, tally
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError
 from crosscheck.problems import SHA256, VERSION
 from crosscheck.problems.export import export

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
+from crosscheck.documents.ledger.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import OURS, PRICED, Use, copied, methods
 from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from crosscheck.commands.price import cheapest_table, lines, methods_table, page_of, to_json
-from crosscheck.documents.page import digits_by_iteration
+from crosscheck.documents.ledger.page import digits_by_iteration
 from crosscheck.judge.prices import PriceRow
 from crosscheck.measure.price import PriceList
 from crosscheck.report.prices import iterations_of_notes, looks_of_methods, methods_figure

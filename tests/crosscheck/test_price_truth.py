@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.documents.page import digits_by_iteration
+from crosscheck.documents.ledger.page import digits_by_iteration
 from crosscheck.judge.truth import CertifiedTruth, attainable_levels
 from crosscheck.measure.price import price_list
 from crosscheck.scenes.hard import AWAY, REGULAR, priced_classes

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crosscheck.documents.page import newton_histories
+from crosscheck.documents.ledger.page import newton_histories
 from crosscheck.judge.records import At, Cause, plain
 from crosscheck.measure import check
 from crosscheck.night.history import remember

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from crosscheck.documents import page as documents
 from crosscheck.documents.ledger import all_rows, read
+from crosscheck.documents.ledger import page as documents
 from crosscheck.night.sections import write_documents
 from crosscheck.report.build import build
 

@@ -14,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import refkin
-from crosscheck.documents.page import slopes
+from crosscheck.documents.ledger.page import slopes
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
 from crosscheck.night import sections
