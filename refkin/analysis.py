@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
+from refkin.errors import expect
 from refkin.joints import initial_contacts, polar_cams
 from refkin.model import Effect, Scene
 from refkin.motion import SINGULAR, ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius, point_motion
@@ -46,6 +47,7 @@ def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
     **options
         Those of `newton`.
     """
+    expect("system", system, System)
     return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0, **options)
 
 
@@ -62,6 +64,7 @@ def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
     phi_q : (m, n) or (m, n, B) array, optional
         The Jacobian there, if it is known already.
     """
+    expect("system", system, System)
     return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
 
 
@@ -75,6 +78,7 @@ def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> 
     q, qd : (n,) or (n, B) array
         A pose and its velocity, or a batch of them.
     """
+    expect("system", system, System)
     return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
 
 

@@ -55,6 +55,19 @@ class InvalidRequest(RefkinError, ValueError):
         super().__init__(f"{argument}: expected {expected}, got {got}")
 
 
+def expect(name: str, value: object, *kinds: type) -> None:
+    """Raise TypeError, with what was expected and what came, if an argument is of none of these kinds.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    value, *kinds : object, types
+    """
+    if not isinstance(value, kinds):
+        raise TypeError(f"{name}: expected a {' or '.join(k.__name__ for k in kinds)}, got a {type(value).__name__}")
+
+
 class NotCalledFor(RefkinError):
     """An effect was asked of a system that was compiled without it."""
 

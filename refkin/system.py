@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import NotCalledFor
+from refkin.errors import NotCalledFor, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
@@ -181,6 +181,7 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     unit : Unit
         Length and origin of the coordinates: metres by default; `mechanism.unit()` for those every solve runs in.
     """
+    expect("mechanism", mechanism, Mechanism)
     kind, bodies = mechanism.kind, mechanism.bodies
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
     placed, owners = list[ConstraintRows](), dict[str, range]()

@@ -341,16 +341,6 @@ class SpatialDistance(BetweenSpatialPoints):
 
 
 SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...] = (
-    Spherical,
-    SpatialRevolute,
-    SpatialPrismatic,
-    Cylindrical,
-    Universal,
-    Screw,
-    SpatialFixed,
-    SpatialDistance,
-    Parallel,
-    Perpendicular,
-    PointOnPlane,
-    SpatialPointOnLine,
-)
+    Spherical, SpatialRevolute, SpatialPrismatic, Cylindrical, Universal, Screw, SpatialFixed, SpatialDistance,
+    Parallel, Perpendicular, PointOnPlane, SpatialPointOnLine,
+)  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.errors import InvalidRequest, UnknownName
+from refkin.errors import InvalidRequest, UnknownName, expect
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
@@ -196,6 +196,7 @@ def follow(
         If a system is given without a pose to start from, or drivers whose rates are beyond float64, or a path begins
         outside of `until`.
     """
+    expect("given", given, Scene, System)
     system = compile_system(continued(given.mechanism), unit=given.mechanism.unit())
     message, limits = "", until or (-math.inf, math.inf)
     if isinstance(start, Bifurcation):

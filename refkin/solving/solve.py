@@ -10,6 +10,7 @@ import numpy as np
 
 from refkin.analysis import ROUTE, acceleration, motion_of, sigma_min, velocity
 from refkin.differences import EPS
+from refkin.errors import expect
 from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import QUANTITIES, SINGULAR, Motion, Producer, Status, no_radius, nowhere
@@ -48,6 +49,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
     times the branch was never changed (`proof.path.branch`); where that is not proved, the branch is lost. What would
     take more than the limits (`solving.limits`) is refused; what takes long says so meanwhile.
     """
+    expect("scene", scene, Scene)
     check_size(scene)
     with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):
         return _solved(scene, certified)

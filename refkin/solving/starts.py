@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import estimate_of, position, sigma_min
+from refkin.errors import expect
 from refkin.joints import SPACE, initial_contacts, polar_cams
 from refkin.model import Mechanism, Scene
 from refkin.motion import SINGULAR, Status
@@ -218,6 +219,7 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
         If there is no pose: a system without q and t, a scene without a first pose, a q that does not close
         or has another number of coordinates.
     """
+    expect("given", given, Scene, System)
     system = compile_system(given.mechanism, unit=given.mechanism.unit())
     if isinstance(given, Scene):
         t = given.times[0] if t is None else t

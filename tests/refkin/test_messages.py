@@ -235,3 +235,22 @@ def test_how_far_from_an_assembly_all_tries_ended_is_what_is_said(monkeypatch):
     assert motion.verdict is refkin.Status.NOT_CONVERGED
     least = (1.0 - 0.9**2) / 1.8 / held(0.9, 0.9).mechanism.size()
     assert float(motion.message.rpartition("residual ")[2]) == pytest.approx(least, rel=1e-2, abs=0.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "expected"),
+    [
+        ("compile_system", "mechanism: expected a Mechanism"),
+        ("position", "system: expected a System"),
+        ("velocity", "system: expected a System"),
+        ("acceleration", "system: expected a System"),
+        ("solve", "scene: expected a Scene"),
+        ("follow", "given: expected a Scene or System"),
+        ("diagnose", "given: expected a Scene or System"),
+    ],
+)
+def test_an_argument_of_a_wrong_kind_is_said_with_what_was_expected(call, expected):
+    """It ended in an AttributeError of something inside."""
+    rest = {"position": (0, 0), "velocity": (0, 0), "acceleration": (0, 0, 0)}.get(call, ())
+    with pytest.raises(TypeError, match=f"^{expected}, got a FourBar$"):
+        getattr(refkin, call)(ROCKER, *rest)
