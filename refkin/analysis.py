@@ -29,7 +29,7 @@ from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton, s
 from refkin.system import System, compile_system
 
 NEAR, FURTHEST, REACH, MOST_STEPS = 1 / 4, 1.0, 1 / 4, 5000
-"""Of a step: largest first correction / move, move, move onto a singular pose [sizes, rad]; steps to a time."""
+"""Largest first correction over move of its step; longest move, and onto a singular pose [sizes, rad]; most steps."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
@@ -90,8 +90,8 @@ def sigma_min(phi_q: Any) -> float:
 def sweep(scene: Scene) -> Motion:
     """Return the motion of a scene: from its estimates to the first pose, then from one time to the next.
 
-    The status of a time is `ok` if the residual is round-off and sigma_min above `SINGULAR`, whatever laws do between
-    two times; `singular` if sigma_min is not; `not_converged` where Newton finds none; `branch_lost` after one not ok.
+    A time is `ok` if its residual is round-off and sigma_min above `SINGULAR`, whatever the laws do between two times;
+    `singular` if only sigma_min is too small; `not_converged` if no pose was found; `branch_lost` after one not ok.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimate_of(system, scene), scene.times[0])
