@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
+from refkin.newton import StoppingTest
 
 
 @dataclass(frozen=True)
@@ -106,36 +107,17 @@ def _trimmed(errors: Sequence[float], floor: float, basin: float) -> Any:
     return e[: ended[0]] if ended.size else e
 
 
-@dataclass(frozen=True)
-class ResidualOrCorrection:
+def residual_or_correction(residual_limit: float = 1e-8, correction_limit: float = 1e-8) -> StoppingTest:
     """Stop when |phi| < residual_limit or |dq| < correction_limit (METU 3.9; printed there without absolute values)."""
-
-    residual_limit: float = 1e-8
-    correction_limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        small_residual = np.linalg.norm(residual) < self.residual_limit
-        return bool(small_residual or np.linalg.norm(correction) < self.correction_limit)
+    norm = np.linalg.norm
+    return lambda phi, dq, q: bool(norm(phi) < residual_limit or norm(dq) < correction_limit)
 
 
-@dataclass(frozen=True)
-class BothLargest:
+def both_largest(residual_limit: float = 1e-8, correction_limit: float = 1e-8) -> StoppingTest:
     """Stop when the largest components of phi and of dq are both below their limits (ME581 notes)."""
-
-    residual_limit: float = 1e-8
-    correction_limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        small_residual = np.max(np.abs(residual)) < self.residual_limit
-        return bool(small_residual and np.max(np.abs(correction)) < self.correction_limit)
+    return lambda phi, dq, q: bool(np.max(np.abs(phi)) < residual_limit and np.max(np.abs(dq)) < correction_limit)
 
 
-@dataclass(frozen=True)
-class ScaledNorms:
+def scaled_norms(limit: float = 1e-8) -> StoppingTest:
     """Stop when |dq| / n or |phi| / m is below the limit, n and m the numbers of components (notes on Shabana)."""
-
-    limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        scaled = (np.linalg.norm(v) / np.size(v) for v in (correction, residual))
-        return bool(min(scaled) < self.limit)
+    return lambda phi, dq, q: bool(min(np.linalg.norm(v) / np.size(v) for v in (dq, phi)) < limit)

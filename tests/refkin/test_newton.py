@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.documents.convergence import BothLargest, ResidualOrCorrection, ScaledNorms
+from crosscheck.documents.convergence import both_largest, residual_or_correction, scaled_norms
 from crosscheck.documents.systems import me581
 from refkin.differences import EPS
 from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, is_round_off, newton, solve_linear
@@ -114,7 +114,7 @@ def test_the_default_cap_is_kept():
 
 def test_stopping_tests_see_both_signs_and_both_limits():
     """Each stopping test looks at the size of what it tests, whatever the sign, and stops below its limit only."""
-    either, both = ResidualOrCorrection, BothLargest
+    either, both = residual_or_correction, both_largest
     big: tuple[tuple[StoppingTest, Any, Any, bool], ...] = (
         (CorrectionNorm(5.01e-4), LARGE, SMALL, True),
         (CorrectionNorm(4.99e-4), SMALL, SMALL, False),
@@ -128,17 +128,17 @@ def test_stopping_tests_see_both_signs_and_both_limits():
         (both(1.0, 3.99e-4), SMALL, SMALL, False),
         (both(1.0, 1.0), LARGE, SMALL, False),
         (both(1.0, 1.0), SMALL, LARGE, False),
-        (ScaledNorms(1.67e-4), SMALL, LARGE, True),
-        (ScaledNorms(1.66e-4), SMALL, LARGE, False),
-        (ScaledNorms(1.67e-4), LARGE, SMALL, True),
-        (ScaledNorms(1.66e-4), LARGE, SMALL, False),
+        (scaled_norms(1.67e-4), SMALL, LARGE, True),
+        (scaled_norms(1.66e-4), SMALL, LARGE, False),
+        (scaled_norms(1.67e-4), LARGE, SMALL, True),
+        (scaled_norms(1.66e-4), LARGE, SMALL, False),
     )
     for test, residual, correction, stops in big:
         for sign in (1, -1):
             result = test(sign * residual, sign * correction, np.ones(3))
             assert result is stops, f"{test} of {sign * residual} and {sign * correction} is {result}"
     for limit in (-1e-3, 1e-3):  # one component alone, below the limit by its sign but not by its size
-        for test in (CorrectionNorm(1e-8), either(), both(), ScaledNorms()):
+        for test in (CorrectionNorm(1e-8), either(), both(), scaled_norms()):
             assert not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}"
 
 
@@ -146,15 +146,15 @@ def test_stopping_tests_end_runs_where_their_numbers_say():
     """Residuals 6, 1, 0.0625, 0.00032 and corrections 1, 0.25, 0.018, 0.000092 end each test at its own step."""
     for test, iterations in (
         (CorrectionNorm(1e-2), 4),
-        (ResidualOrCorrection(0.1, 1e-12), 3),
-        (ResidualOrCorrection(1e-12, 0.3), 2),
-        (BothLargest(0.1, 0.3), 3),
-        (BothLargest(10.0, 1e-3), 4),
-        (ScaledNorms(0.3), 2),
+        (residual_or_correction(0.1, 1e-12), 3),
+        (residual_or_correction(1e-12, 0.3), 2),
+        (both_largest(0.1, 0.3), 3),
+        (both_largest(10.0, 1e-3), 4),
+        (scaled_norms(0.3), 2),
     ):
         value = newton(*QUADRATIC, 5.0, stop=test).iterations
         assert value == iterations, f"{test} stops after {value}, not {iterations}"
-    assert newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F"
+    assert newton(*QUADRATIC, 2.5, stop=residual_or_correction(1e-9, 1e-9)).iterations > 5, "stopped at a negative F"
 
 
 def test_the_jacobian_is_renewed_as_asked():

@@ -23,7 +23,5 @@ def ledger_rows(ids: Sequence[str] = ()) -> list[dict[str, Any]]:
     return [check_row(by_id[name]) for name in (ids or by_id)]
 
 
-@cache
-def all_rows() -> list[dict[str, Any]]:
-    """Return `ledger_rows()`, recomputed once in the life of a process."""
-    return ledger_rows()
+all_rows = cache(ledger_rows)
+"""Recomputes a row once in the life of a process."""

@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from crosscheck.documents.systems import SquareSystem
 from refkin.newton import NewtonStatus, newton
-from refkin.proof.pose.krawczyk import objects
+from refkin.proof.pose.krawczyk import column, objects
 
 MOST_STEPS = 60
 """Newton steps until a root is given up: enough to halve an error from 1 to below 2^-53."""
@@ -110,7 +110,7 @@ class ArbNumbers:
         return arb.atan2(arb(y), arb(x))
 
     def solve(self, matrix: Any, right: Any) -> Any:
-        return objects(_matrix(matrix).solve(_column(right)).entries())
+        return objects(_matrix(matrix).solve(column(map(arb, right))).entries())
 
     def det(self, matrix: Any) -> Any:
         return _matrix(matrix).det()
@@ -155,7 +155,7 @@ class ArbNumbers:
         inverse = _matrix(system.phi_q(middle)).inv().mid()
         whole = middle + widths
         identity = arb_mat(len(middle), len(middle), 1)
-        image = (identity - inverse * _matrix(system.phi_q(whole))) * _column(widths) - inverse * _column(
+        image = (identity - inverse * _matrix(system.phi_q(whole))) * column(widths) - inverse * column(
             system.phi(middle)
         )
         if not all(w.contains_interior(x) for w, x in zip(widths, image.entries(), strict=True)):
@@ -173,10 +173,6 @@ def never(*_: Any) -> bool:
 
 def _matrix(matrix: Any) -> Any:
     return arb_mat([[arb(x) for x in row] for row in matrix])
-
-
-def _column(entries: Any) -> Any:
-    return arb_mat([[arb(x)] for x in entries])
 
 
 # ---- proofs by enclosing

@@ -212,19 +212,11 @@ def a9(n: Arithmetic, given: Given) -> Values:
         "outer root": n.root(system, n.vector(["1.2"]))[0],
     }
     if isinstance(n, ArbNumbers):
-        values["roots for |x| < 12"] = 2 * sum(count_roots(system, low, high) for low, high in _a9_pieces(12.0))
+        # Where 0 < x < 12 and cos x > 0; near the ends of these pieces f is above 100: ln(cos x) < -13 there.
+        ends = (((2 * k - 0.5) * np.pi + 1e-6, (2 * k + 0.5) * np.pi - 1e-6) for k in range(3))
+        pieces = [(max(0.0, low), min(high, 12.0)) for low, high in ends]
+        values["roots for |x| < 12"] = 2 * sum(count_roots(system, *piece) for piece in pieces)
     return values
-
-
-def _a9_pieces(end: float) -> list[tuple[float, float]]:
-    """Return the intervals of 0 < x < end in which cos x > 0; near their ends f is above 100: ln(cos x) < -13 there."""
-    pieces, left, k = [], 0.0, 0
-    while left < end:
-        right = (2 * k + 0.5) * np.pi - 1e-6
-        pieces.append((left, min(right, end)))
-        k += 1
-        left = (2 * k - 0.5) * np.pi + 1e-6
-    return pieces
 
 
 def a10(n: Arithmetic, given: Given) -> Values:

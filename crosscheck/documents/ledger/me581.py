@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents import loops
-from crosscheck.documents.convergence import BothLargest, slope
+from crosscheck.documents.convergence import both_largest, slope
 from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64, History
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581
@@ -209,5 +209,5 @@ def c12(n: Arithmetic, given: Given) -> Values:
     if isinstance(n, ArbNumbers):
         return {}
     limits = [float(x) for x in given["limits"]]
-    result = newton(*four_bar(n, given), estimate(n), stop=BothLargest(*limits))
+    result = newton(*four_bar(n, given), estimate(n), stop=both_largest(*limits))
     return {"iterations": result.iterations, "status": result.status.name}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents import loops
-from crosscheck.documents.convergence import ResidualOrCorrection
+from crosscheck.documents.convergence import residual_or_correction
 from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581, metu
@@ -33,7 +33,7 @@ def b1(n: Arithmetic, given: Given) -> Values:
     }
     runs = {key: newton(f, slope, start) for key, (f, slope, start) in sketches.items()}
     cubic = [newton(*sketches["c"][:2], start).q[0] for start in (0.4, 0.46, 0.6)]
-    test = ResidualOrCorrection(1e-8, 1e-8)
+    test = residual_or_correction(1e-8, 1e-8)
     quadratic = me581.quadratic()
     # The test as printed, F < 1e-8 or x(k+1) - x(k) < 1e-8: any negative number stops.
     stopped = newton(*quadratic, 2.5, stop=lambda f, dx, x: bool(f[0] < 1e-8 or dx[0] < 1e-8))
@@ -260,7 +260,7 @@ def b6(n: Arithmetic, given: Given) -> Values:
     """The three ways to end: a root, a new estimate where the slope vanishes, no solution after m steps."""
     if isinstance(n, ArbNumbers):
         return {}
-    test = ResidualOrCorrection(1e-9, 1e-9)
+    test = residual_or_correction(1e-9, 1e-9)
     quadratic = me581.quadratic()
     runs = vector_loop.with_new_estimates(*quadratic, [2.0, 5.0], stop=test)
     none = newton(lambda x: x * x + 4, lambda x: 2 * x, 5.0, stop=test, max_iterations=25)

@@ -122,7 +122,9 @@ def _history(case: Case) -> dict[str, Any]:
     system, q = _posed(case.linkage, case.angle)
     result = position(system, q + OFF * (-1.0) ** np.arange(system.n), 0.0)
     corrections = [float(np.max(np.abs(c))) for c in result.corrections]
-    ratios, orders = successive(corrections)
+    ratios = [b / a if a else None for a, b in pairwise(corrections)]
+    # log(|dq_k+2| / |dq_k+1|) / log(|dq_k+1| / |dq_k|): the order of convergence
+    orders = [math.log(s) / math.log(r) if r and s and 0 < r < 1 and 0 < s < 1 else None for r, s in pairwise(ratios)]
     seen = [r for r, c in zip(ratios, corrections[1:], strict=True) if r is not None and c > case.floor]
     telling = [o for o, c in zip(orders, corrections[2:], strict=True) if c > case.floor]
     return {
@@ -139,13 +141,6 @@ def _history(case: Case) -> dict[str, Any]:
         "typical_ratio": sorted(seen)[len(seen) // 2] if seen else None,
         "last_order": telling[-1] if telling else None,
     }
-
-
-def successive(corrections: list[float]) -> tuple[list[float | None], list[float | None]]:
-    """Return |dq_k+1| / |dq_k|, and log(|dq_k+2| / |dq_k+1|) / log(|dq_k+1| / |dq_k|): the order of convergence."""
-    ratios = [b / a if a else None for a, b in pairwise(corrections)]
-    orders = [math.log(s) / math.log(r) if r and s and 0 < r < 1 and 0 < s < 1 else None for r, s in pairwise(ratios)]
-    return ratios, orders
 
 
 # ---- orders of convergence

@@ -13,7 +13,7 @@ from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import shabana
 from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, velocity
-from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
+from refkin.joints import GROUND, AngleDriver, Constraint, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion import point_motion
 from refkin.motion_laws import Polynomial
@@ -213,7 +213,11 @@ def refkin_d8(n: Binary64, given: Given) -> Values:
     """The same arm with bodies and joints, its link 1 a body that is fixed to the ground."""
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
     theta2, theta3 = _radians(n, given, "theta2", "theta3")
-    system = compile_system(_two_link(l2, l3, (theta2, w2), (theta3, w3)))
+    drivers = tuple(
+        AngleDriver(name=f"theta{body}", body=body, rate_law=Polynomial(coefficients=(rate,)), initial=value)
+        for body, value, rate in (("2", theta2, w2), ("3", theta3, w3))
+    )
+    system = compile_system(Mechanism(tuple(Body(name=name) for name in "123"), arm_joints(l2, l3), drivers))
     c2, c3 = (np.array([math.cos(a), math.sin(a)]) for a in (theta2, theta3))
     q = np.concatenate([[0.0] * 3, l2 / 2 * c2, [theta2], l2 * c2 + l3 / 2 * c3, [theta3]])
     qd = velocity(system, q, 0.0)
@@ -226,18 +230,14 @@ def refkin_d8(n: Binary64, given: Given) -> Values:
     }
 
 
-def _two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[float, float]) -> Mechanism:
-    """Return the two-link arm; each angle is driven by (value at t = 0, rate)."""
-    joints = (
-        Fixed(name="C1", body_i=GROUND, point_i=(0.0, 0.0), body_j="1", point_j=(0.0, 0.0)),
-        Revolute(name="O", body_i="1", point_i=(0.0, 0.0), body_j="2", point_j=(-l2 / 2, 0.0)),
-        Revolute(name="A", body_i="2", point_i=(l2 / 2, 0.0), body_j="3", point_j=(-l3 / 2, 0.0)),
+def arm_joints(l2: float, l3: float) -> tuple[Constraint, ...]:
+    """Return the joints of a link 1 that is fixed to the ground and two links one after the other."""
+    origin, ends = (0.0, 0.0), [(x, 0.0) for x in (-l2 / 2, l2 / 2, -l3 / 2)]
+    return (
+        Fixed(name="1-3", body_i=GROUND, point_i=origin, body_j="1", point_j=origin),
+        Revolute(name="4-5", body_i="1", point_i=origin, body_j="2", point_j=ends[0]),
+        Revolute(name="6-7", body_i="2", point_i=ends[1], body_j="3", point_j=ends[2]),
     )
-    drivers = tuple(
-        AngleDriver(name=f"theta{body}", body=body, rate_law=Polynomial(coefficients=(rate,)), initial=value)
-        for body, (value, rate) in (("2", first), ("3", second))
-    )
-    return Mechanism(tuple(Body(name=name) for name in "123"), joints, drivers)
 
 
 def refkin_d9(n: Binary64, given: Given) -> Values:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.convergence import ScaledNorms
+from crosscheck.documents.convergence import scaled_norms
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
@@ -97,12 +97,12 @@ def d20(n: Arithmetic, given: Given) -> Values:
 
 
 def refkin_d20(n: Binary64, given: Given) -> Values:
-    """`ScaledNorms` stops just above these norms, and not just below."""
+    """`scaled_norms` stops just above these norms, and not just below."""
     residual, correction = n.vector(given["C(q1)"]), n.vector(given["dq1"])
     big = np.ones(3)
     return {
-        "stops just above": [ScaledNorms(3.078e-4)(residual, big, big), ScaledNorms(1.2618e-3)(big, correction, big)],
-        "stops just below": [ScaledNorms(3.076e-4)(residual, big, big), ScaledNorms(1.2616e-3)(big, correction, big)],
+        "stops just above": [scaled_norms(3.078e-4)(residual, big, big), scaled_norms(1.2618e-3)(big, correction, big)],
+        "stops just below": [scaled_norms(3.076e-4)(residual, big, big), scaled_norms(1.2616e-3)(big, correction, big)],
     }
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import ArbNumbers, Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.ledger.shabana import numbers
+from crosscheck.documents.ledger.shabana import arm_joints, numbers
 from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, CrankAndRod
 from refkin.analysis import acceleration, velocity
-from refkin.joints import GROUND, AngleDriver, Fixed, Prismatic, Revolute, XDriver
+from refkin.joints import AngleDriver, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import CorrectionNorm, newton
@@ -23,9 +23,7 @@ from refkin.system import compile_system
 def _mechanism(l2: float, l3: float, law: Polynomial | Sinusoid, slider_driven: bool = False) -> Mechanism:
     """Return the slider-crank of four bodies, link 1 fixed to the ground; theta2 or R4x follows the law."""
     joints = (
-        Fixed(name="1-3", body_i=GROUND, point_i=(0.0, 0.0), body_j="1", point_j=(0.0, 0.0)),
-        Revolute(name="4-5", body_i="1", point_i=(0.0, 0.0), body_j="2", point_j=(-l2 / 2, 0.0)),
-        Revolute(name="6-7", body_i="2", point_i=(l2 / 2, 0.0), body_j="3", point_j=(-l3 / 2, 0.0)),
+        *arm_joints(l2, l3),
         Revolute(name="8-9", body_i="3", point_i=(l3 / 2, 0.0), body_j="4", point_j=(0.0, 0.0)),
         Prismatic(name="10-11", body_i="1", point_i=(0.0, 0.0), axis_i=(1.0, 0.0), body_j="4", point_j=(0.0, 0.0)),
     )

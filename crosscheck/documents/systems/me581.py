@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,37 +29,24 @@ def four_bar(m: FourBarLengths, theta2: Number) -> SquareSystem:
 
     r2 cos theta2 + r3 cos theta3 - r4 cos theta4 - r1 = 0, and with sines the same without r1
     """
-    free = _closure(m)
-
-    def phi(q: Any) -> Any:
-        return free(theta2, q[0], q[1])
-
-    def phi_q(q: Any) -> Any:
-        return np.array([[-m.r3 * np.sin(q[0]), m.r4 * np.sin(q[1])], [m.r3 * np.cos(q[0]), -m.r4 * np.cos(q[1])]])
-
-    return SquareSystem(phi, phi_q)
+    return _closure(m, slice(1, 3), lambda q: (theta2, *q))
 
 
 def four_bar_by_rocker(m: FourBarLengths, theta4: Number) -> SquareSystem:
     """Return the closure in q = (theta2, theta3) with theta4 as the driver; det phi_q = r2 r3 sin(theta3 - theta2)."""
-    free = _closure(m)
+    return _closure(m, slice(2), lambda q: (*q, theta4))
+
+
+def _closure(m: FourBarLengths, unknown: slice, angles: Callable[[Any], Any]) -> SquareSystem:
+    """Return the closure in those of theta2, theta3, theta4 that are unknown; `angles` are all three at q."""
 
     def phi(q: Any) -> Any:
-        return free(q[0], q[1], theta4)
+        (c2, c3, c4), (s2, s3, s4) = (tuple(map(f, angles(q))) for f in (np.cos, np.sin))
+        return np.array([m.r2 * c2 + m.r3 * c3 - m.r4 * c4 - m.r1, m.r2 * s2 + m.r3 * s3 - m.r4 * s4])
 
     def phi_q(q: Any) -> Any:
-        return np.array([[-m.r2 * np.sin(q[0]), -m.r3 * np.sin(q[1])], [m.r2 * np.cos(q[0]), m.r3 * np.cos(q[1])]])
+        c, s = np.cos(q), np.sin(q)
+        r = np.array((m.r2, m.r3, -m.r4)[unknown])
+        return np.array([-r * s, r * c])
 
     return SquareSystem(phi, phi_q)
-
-
-def _closure(m: FourBarLengths) -> Any:
-    def phi(theta2: Number, theta3: Number, theta4: Number) -> Any:
-        return np.array(
-            [
-                m.r2 * np.cos(theta2) + m.r3 * np.cos(theta3) - m.r4 * np.cos(theta4) - m.r1,
-                m.r2 * np.sin(theta2) + m.r3 * np.sin(theta3) - m.r4 * np.sin(theta4),
-            ]
-        )
-
-    return phi
