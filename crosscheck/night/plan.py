@@ -42,7 +42,10 @@ class Journal:
         self._file = path.open("ab")
         try:
             self._lock()
-            self._cut_torn_line()
+            with path.open("rb") as file:
+                whole = sum(len(line) for line in file if line.endswith(b"\n"))
+            if whole != path.stat().st_size:
+                self._file.truncate(whole)
             self.keys = {record.key: _number(record) for record in self}
         except BaseException:
             self._file.close()
@@ -94,12 +97,6 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise Occupied(f"another run is writing to {self.path}") from error
-
-    def _cut_torn_line(self) -> None:
-        with self.path.open("rb") as file:
-            whole = sum(len(line) for line in file if line.endswith(b"\n"))
-        if whole != self.path.stat().st_size:
-            self._file.truncate(whole)
 
 
 def _number(record: Record) -> int | None:

@@ -17,6 +17,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ import numpy as np
 from crosscheck.documents.ledger.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import OURS, PRICED, Use, copied, methods
-from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
+from crosscheck.judge.comparison import QuantityComparison, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
 from crosscheck.measure.check import estimated
 from crosscheck.measure.effects import REFKIN, effects_ledger
@@ -182,27 +183,18 @@ def pictured(job: Job) -> dict[str, Any] | None:
     if not drawing.shown.size:
         return None
     marks = []
-    for name, spec in job["specs"].items():
-        wanted = [mark for mark in job["marks"] if mark[0] == name]
-        for method, compared in _answers(spec, {mark[1] for mark in wanted}, ref):
-            for _, _, quantity, decade in (mark for mark in wanted if mark[1] == method):
+    for name, method in ((name, m) for name, spec in job["specs"].items() for m in methods(spec, Use.COMPARE)):
+        wanted = [mark[2:] for mark in job["marks"] if mark[:2] == (name, method.called)]
+        asked = copied(estimated(ref.scene, ref))
+        with suppress(EngineError):
+            compared = compare(ref, method.solve(asked), method.terms(asked)).quantities if wanted else {}
+            for quantity, decade in wanted:
                 sample = worst_sample(ref.sigma_min, compared[quantity], decade)
                 ghost = None if sample is None else drawing.ghost(sample, QUANTITIES.index(quantity))
                 if ghost is not None:
-                    who = {"engine": name, "method": method, "quantity": quantity, "decade": decade}
+                    who = {"engine": name, "method": method.called, "quantity": quantity, "decade": decade}
                     marks.append({**who, **ghost})
     return {"scene": drawing.described(scene.name, job["key"]), "marks": marks}
-
-
-def _answers(spec: str, wanted: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
-    """Yield what methods of an engine answer to a scene, compared with the reference."""
-    scene = copied(estimated(ref.scene, ref))
-    for method in methods(spec, Use.COMPARE):
-        if method.called in wanted:
-            try:
-                yield method.called, compare(ref, method.solve(scene), method.terms(scene)).quantities
-            except EngineError:
-                continue
 
 
 def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> DrawnSample | None:

@@ -32,7 +32,9 @@ SMALL = 1e-3
 
 def to_mjcf(scene: Scene) -> str:
     """Return the text of the model, at the first time of the scene."""
-    return _Model(scene).text()
+    model = _Model(scene).root
+    ET.indent(model)
+    return ET.tostring(model, encoding="unicode") + "\n"
 
 
 class _Model:
@@ -53,7 +55,12 @@ class _Model:
         self.tendons, self.equalities = ET.Element("tendon"), ET.Element("equality")
         self.carriages = 0
         for body in scene.mechanism.bodies:
-            self.bodies[body.name] = self._body(world, body.name, "xyh", (0.0, 0.0)) if plane else self._free(body.name)
+            if plane:
+                self._body(joints.GROUND, body.name, "xyh", (0.0, 0.0))
+            else:
+                free = self.bodies[body.name] = ET.SubElement(world, "body", {"name": body.name})
+                ET.SubElement(free, "inertial", INERTIA)
+                ET.SubElement(free, "freejoint", {"name": body.name})
         for element in joints.elements_of(scene.mechanism.constraints):
             name = element.name if not element.row else f"{element.name} {element.kind}"
             ADD[type(element)](self, name, element)
@@ -68,24 +75,14 @@ class _Model:
         order = [name for joint in world.iter() for name in self._coordinates_of(joint)]
         ET.SubElement(key, "key", {"name": "start", "qpos": " ".join(repr(known.get(name, 0.0)) for name in order)})
 
-    def text(self) -> str:
-        ET.indent(self.root)
-        return ET.tostring(self.root, encoding="unicode") + "\n"
-
-    def _body(self, parent: ET.Element, name: str, freedoms: str, at: joints.Pair, turned: float = 0.0) -> ET.Element:
-        body = ET.SubElement(parent, "body", {"name": name, "pos": self.place(at), "euler": _numbers(0, 0, turned)})
+    def _body(self, parent: str, name: str, freedoms: str, at: joints.Pair, turned: float = 0.0) -> None:
+        where = {"name": name, "pos": self.place(at), "euler": _numbers(0, 0, turned)}
+        body = self.bodies[name] = ET.SubElement(self.bodies[parent], "body", where)
         ET.SubElement(body, "inertial", INERTIA)
         for key, suffix, axis in (("x", "x", "1 0 0"), ("y", "y", "0 1 0"), ("h", "phi", "0 0 1")):
             if key in freedoms:
                 kind = "hinge" if key == "h" else "slide"
                 ET.SubElement(body, "joint", {"name": f"{name}.{suffix}", "type": kind, "axis": axis})
-        return body
-
-    def _free(self, name: str) -> ET.Element:
-        body = ET.SubElement(self.bodies[joints.GROUND], "body", {"name": name})
-        ET.SubElement(body, "inertial", INERTIA)
-        ET.SubElement(body, "freejoint", {"name": name})
-        return body
 
     def _coordinates_of(self, joint: ET.Element) -> Sequence[str]:
         """Return the names of a joint's entries in qpos."""
@@ -117,9 +114,15 @@ class _Model:
         if law is not None:
             self.couple(name, f"{carriage}.hinge {hinges[0]}", law)
 
-    def guided(self, name: str, e: Any, slides: str) -> None:
-        """Add a carriage in the frame of the element on body i that slides, and tie point j to it."""
-        carriage = self.moving(e, slides)
+    def carriage(self, e: Any, freedoms: str, at: joints.Pair) -> str:
+        """Add a body that slides on body i along the element's axis, and across it if "xy", and return its name."""
+        self.carriages += 1
+        name = f"carriage {self.carriages}"
+        self._body(e.body_i, name, freedoms, at, math.atan2(e.axis_i[1], e.axis_i[0]))
+        return name
+
+    def tied(self, name: str, e: Any, carriage: str) -> None:
+        """Tie point j of the element to the origin of a carriage."""
         self.connect(name, self.site(f"{name} i", carriage, ORIGIN), self.site(f"{name} j", e.body_j, e.point_j))
 
     def moving(self, e: Any, slides: str, hinges: str = "") -> str:
@@ -156,20 +159,6 @@ class _Model:
         row = {"name": name, "tendon1": tendon, "polycoef": _numbers(length, 0, 0, 0, 0)}
         ET.SubElement(self.equalities, "tendon", row)
 
-    def fixed_tendon(self, name: str, weights: dict[str, float]) -> str:
-        tendon = ET.SubElement(self.tendons, "fixed", {"name": name})
-        for joint, weight in weights.items():
-            ET.SubElement(tendon, "joint", {"joint": joint, "coef": repr(float(weight))})
-        return name
-
-    def carriage(self, e: Any, freedoms: str, at: joints.Pair) -> str:
-        """Add a body that slides on body i along the element's axis, and across it if "xy", and return its name."""
-        self.carriages += 1
-        name = f"carriage {self.carriages}"
-        turned = math.atan2(e.axis_i[1], e.axis_i[0])
-        self.bodies[name] = self._body(self.bodies[e.body_i], name, freedoms, at, turned)
-        return name
-
     def said(self, e: joints.Element, unit: float = 1.0, shift: float = 0.0) -> float:
         """Note in the file what a law prescribes, f / unit - shift, and return that at the first time."""
         (law,) = e.laws
@@ -187,8 +176,7 @@ def _coincide(m: _Model, name: str, e: joints.PointsCoincide) -> None:
 def _guided(m: _Model, name: str, e: joints.GuidedPoint) -> None:
     length = math.hypot(*e.axis_i)
     at = (e.point_i[0] - e.axis_i[1] / length * e.offset, e.point_i[1] + e.axis_i[0] / length * e.offset)
-    carriage = m.carriage(e, "x", at)
-    m.connect(name, m.site(f"{name} i", carriage, (0.0, 0.0)), m.site(f"{name} j", e.body_j, e.point_j))
+    m.tied(name, e, m.carriage(e, "x", at))
 
 
 def _distance(m: _Model, name: str, e: joints.PointDistance) -> None:
@@ -221,12 +209,14 @@ def _wheels(m: _Model, name: str, e: joints.RollingWheels) -> None:
 
 def _rack(m: _Model, name: str, e: joints.RollingOnLine) -> None:
     carriage = m.carriage(e, "xy", e.point_i)
-    centre = f"{name} centre"
-    m.connect(centre, m.site(f"{centre} i", carriage, (0.0, 0.0)), m.site(f"{centre} j", e.body_j, e.point_j))
+    m.tied(f"{name} centre", e, carriage)
     radius = e.radius / m.unit
     weights = {f"{carriage}.x": 1.0, f"{e.body_j}.phi": -radius}
     weights |= {} if e.body_i == joints.GROUND else {f"{e.body_i}.phi": radius}
-    m.hold(name, m.fixed_tendon(f"{name} arc", weights), e.s0 / m.unit - radius * e.phi0)
+    arc = ET.SubElement(m.tendons, "fixed", {"name": f"{name} arc"})
+    for joint, weight in weights.items():
+        ET.SubElement(arc, "joint", {"joint": joint, "coef": repr(float(weight))})
+    m.hold(name, f"{name} arc", e.s0 / m.unit - radius * e.phi0)
 
 
 ADD: dict[type[joints.Element], Any] = {
@@ -242,8 +232,8 @@ ADD: dict[type[joints.Element], Any] = {
     joints.AxesParallel: lambda m, name, e: m.welded(name, e, "xyz", "z"),
     joints.AxesPerpendicular: lambda m, name, e: m.welded(name, e, "xyz", "zx", columns="hfg"),
     joints.TurnAboutAxis: lambda m, name, e: m.welded(name, e, "xyz", "zxy", law=m.said(e) if e.laws else e.angle),
-    joints.PointOnAxis: lambda m, name, e: m.guided(name, e, "z"),
-    joints.PointInPlane: lambda m, name, e: m.guided(name, e, "xy"),
+    joints.PointOnAxis: lambda m, name, e: m.tied(name, e, m.moving(e, "z")),
+    joints.PointInPlane: lambda m, name, e: m.tied(name, e, m.moving(e, "xy")),
 }
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from random import Random
-from typing import Any
 
 from crosscheck.problems import Family, Stated, polynomial, stated, within
 from crosscheck.scenes.hard_case import ends
@@ -38,9 +37,10 @@ def _hinge(name: str, at: Triple, axis: Triple, body: str) -> SpatialRevolute:
     return SpatialRevolute(name=name, **ends(GROUND, at, body), axis_i=axis, zero_i=X, axis_j=Z, zero_j=X)
 
 
-def _driven(title: str, joints: Sequence[Constraint], speed: float = 1.0, **more: Any) -> Stated:
-    motor = SpatialAngleDriver(name="motor", joint=joints[0].name, law=polynomial(0.4, speed, 0.125))
-    return stated(title, joints, motor, **more)
+def _driven(title: str, joints: Sequence[Constraint]) -> Stated:
+    return stated(
+        title, joints, SpatialAngleDriver(name="motor", joint=joints[0].name, law=polynomial(0.4, 1.0, 0.125))
+    )
 
 
 def _tilted(random: Random) -> Triple:

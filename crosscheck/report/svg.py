@@ -105,17 +105,19 @@ class Plot:
 
     def series(self, points: Sequence[tuple[float, float]], look: Style) -> None:
         """Draw a line with markers through (x, y) points."""
+        for x, y in self._through(points, look):
+            _marker(self.root, x, y, look)
+
+    def _through(self, points: Sequence[tuple[float, float]], look: Style) -> list[tuple[float, float]]:
+        """Draw a line through (x, y) points, and return where they are, in pixels."""
         placed = [(self.px(x), self.py(y)) for x, y in points]
         if len(placed) > 1:
             self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
-        for x, y in placed:
-            _marker(self.root, x, y, look)
+        return placed
 
     def marks(self, points: Sequence[Mark], look: Style) -> None:
         """Draw a line with marks that can be pointed at, focused and read aloud through them."""
-        placed = [(self.px(m.x), self.py(m.y)) for m in points]
-        if len(placed) > 1:
-            self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
+        placed = self._through([(m.x, m.y) for m in points], look)
         for m, (x, y) in zip(points, placed, strict=True):
             first = not any("data-mark" in element.attrib for element in self.root)
             attributes = {"role": "img", "aria-label": m.label, "tabindex": "0" if first else "-1", "data-mark": ""}

@@ -58,7 +58,10 @@ def _beside(draw: DrawFn, begin: float) -> tuple[tuple[Revolute, ...], Pose]:
     ground, coupler, rocker = (size * draw(st.floats(2.0, 3.0), label=key) for key in ("ground", "coupler", "rocker"))
     assume(min(abs(ground - coupler), abs(ground - rocker), abs(coupler - rocker)) > size / 64.0)
     linkage = FourBar(ground=ground, crank=size, coupler=coupler, rocker=rocker)
-    pose = {body: _moved(place, -beside) for body, place in linkage.assemble(begin).items()}
+    pose = {
+        body: (x - beside * math.cos(phi), y - beside * math.sin(phi), phi)
+        for body, (x, y, phi) in linkage.assemble(begin).items()
+    }
     joints = (
         pin("A0", GROUND, (0.0, 0.0), "crank", (beside, 0.0)),
         pin("A", "crank", (size + beside, 0.0), "coupler", (beside, 0.0)),
@@ -66,8 +69,3 @@ def _beside(draw: DrawFn, begin: float) -> tuple[tuple[Revolute, ...], Pose]:
         pin("B0", GROUND, (ground, 0.0), "rocker", (beside, 0.0)),
     )
     return joints, pose
-
-
-def _moved(pose: tuple[float, float, float], along: float) -> tuple[float, float, float]:
-    x, y, phi = pose
-    return x + along * math.cos(phi), y + along * math.sin(phi), phi

@@ -104,7 +104,7 @@ KINDS: Mapping[str, Kind] = {
     # A four-bar that passes the pose where it would be flat if its slack were 0.
     "near change point": (
         DISTANCES[:4],
-        lambda case, d: _steps(case, d, replace(FLAT, coupler=4.0 - d), [-1.0 + 0.25 * k for k in range(9)]),
+        lambda case, d: _made(case, d, replace(FLAT, coupler=4.0 - d), [-1.0 + 0.25 * k for k in range(9)]),
     ),
     # A parallelogram that comes to the pose where it is flat, where it may go on in two ways.
     "parallelogram": (DISTANCES, _parallelogram),
@@ -141,7 +141,7 @@ KINDS: Mapping[str, Kind] = {
     # A crank-rocker far from the origin.
     "large offset": (
         (1e-2, 1e-4, 1e-6, 1e-8),  # the size of the linkage over its distance from the origin
-        lambda case, part: _steps(
+        lambda case, part: _made(
             case, part, replace(REGULAR, origin=(4.0 / part, -4.0 / part)), [0.5 + 0.1 * k for k in range(6)]
         ),
     ),
@@ -150,7 +150,7 @@ KINDS: Mapping[str, Kind] = {
     # A crank-rocker that comes to 0.02 of another assembly, in steps of up to a third of a turn.
     "coarse steps": (
         STEPS,
-        lambda case, step: _steps(
+        lambda case, step: _made(
             case, step, FourBar(4.0, 1.0, 3.99, 1.02), [-2.5 + step * k for k in range(round(5.0 / step) + 1)]
         ),
     ),
@@ -161,15 +161,16 @@ KINDS: Mapping[str, Kind] = {
 
 def _approach(case: str, d: float, linkage: Linkage, end: float, side: float, driven: str = "crank") -> HardCase:
     """Return the case whose input goes to `end` + side * d, by steps and then by powers of ten."""
-    return _made(case, d, linkage, (end, -side), [-way for way in ways_to(d)], driven=driven)
-
-
-def _steps(case: str, d: float, linkage: Linkage, inputs: Sequence[float]) -> HardCase:
-    return _made(case, d, linkage, UP, inputs)
+    return _made(case, d, linkage, [-way for way in ways_to(d)], (end, -side), driven)
 
 
 def _made(
-    case: str, d: float, linkage: Linkage, law: tuple[float, float], times: Sequence[float], driven: str = "crank"
+    case: str,
+    d: float,
+    linkage: Linkage,
+    times: Sequence[float],
+    law: tuple[float, float] = UP,
+    driven: str = "crank",
 ) -> HardCase:
     """Return the case whose input follows a law, on the open branch."""
 

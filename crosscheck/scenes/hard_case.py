@@ -123,7 +123,9 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
         a, b = f"a{n}", f"b{n}"
         for pose in poses.values():
             x, y = (_where(pose, end) for end in ends)
-            knee = x + _arm(y - x, first, second)
+            d, phi = cmath.polar(y - x)
+            corner = cmath.acos((d * d + first**2 - second**2) / (2 * first * d)).real
+            knee = x + cmath.rect(first, phi + corner)  # left of the line from x to y
             pose[a] = (x.real, x.imag, cmath.phase(knee - x))
             pose[b] = (y.real, y.imag, cmath.phase(knee - y))
         for link, (body, point) in zip((a, b), ends, strict=True):
@@ -151,12 +153,6 @@ def _where(pose: Pose, place: Place) -> complex:
     body, point = place
     x, y, phi = pose.get(body, (0.0, 0.0, 0.0))
     return complex(x, y) + complex(*point) * cmath.rect(1.0, phi)
-
-
-def _arm(base: complex, first: float, second: float) -> complex:
-    """Return the first side of a triangle over its base, left of it."""
-    d = abs(base)
-    return cmath.rect(first, cmath.phase(base) + cmath.acos((d * d + first**2 - second**2) / (2 * first * d)).real)
 
 
 REACH = 6.5

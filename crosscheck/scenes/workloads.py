@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -165,6 +165,8 @@ class LoopChain:
 
     name: str
     windows: int
+    law: ClassVar[Polynomial] = Polynomial(coefficients=(1.2, 0.2))
+    """The angle of the first rocker."""
 
     @cached_property
     def rockers(self) -> list[float]:
@@ -187,24 +189,21 @@ class LoopChain:
         return [foot + cmath.rect(r, phi) for foot, r, phi in zip(self.feet, self.rockers, angles, strict=True)]
 
     @cached_property
-    def law(self) -> Polynomial:
-        """The angle of the first rocker."""
-        return Polynomial(coefficients=(1.2, 0.2))
-
-    @cached_property
     def scene(self) -> Scene:
         """The scene: bodies rocker 0, 1, ... and then coupler 0, 1, ...; without evidence."""
-        bodies, joints, tips = [], [], self._tips
+        links, joints, tips = [], [], self._tips
         for k, (foot, tip, r) in enumerate(zip(self.feet, tips, self.rockers, strict=True)):
-            bodies.append(_body(f"rocker{k}", (foot + tip) / 2, cmath.phase(tip - foot)))
+            links.append((f"rocker{k}", (foot + tip) / 2, cmath.phase(tip - foot)))
             joints.append(pin(f"foot{k}", GROUND, (foot, 0.0), f"rocker{k}", (-r / 2, 0.0)))
         for k, (a, b) in enumerate(pairwise(tips)):
-            bodies.append(_body(f"coupler{k}", (a + b) / 2, cmath.phase(b - a)))
+            links.append((f"coupler{k}", (a + b) / 2, cmath.phase(b - a)))
             half, left, right = self.couplers[k] / 2, self.rockers[k] / 2, self.rockers[k + 1] / 2
             joints.append(pin(f"left{k}", f"rocker{k}", (left, 0.0), f"coupler{k}", (-half, 0.0)))
             joints.append(pin(f"right{k}", f"coupler{k}", (half, 0.0), f"rocker{k + 1}", (right, 0.0)))
         driver = AngleDriver(name="motor", body="rocker0", law=self.law)
-        mechanism = Mechanism(tuple(bodies), tuple(joints), (driver,))
+        estimates = {name: (round(z.real, 3), round(z.imag, 3), round(phi, 3)) for name, z, phi in links}
+        bodies = tuple(Body(name=name, estimate=q) for name, q in estimates.items())
+        mechanism = Mechanism(bodies, tuple(joints), (driver,))
         return Scene(mechanism=mechanism, times=(0.0,), name=self.name, evidence=frozenset())
 
     @cached_property
@@ -287,7 +286,3 @@ def grashof(count: int, margin: float) -> Any:
         turns = (in_order[0] == lengths[1]) | (in_order[0] == lengths[0])
         four_bars = np.concatenate([four_bars, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
     return four_bars[:, :count]
-
-
-def _body(name: str, middle: complex, phi: float) -> Body:
-    return Body(name=name, estimate=(round(middle.real, 3), round(middle.imag, 3), round(phi, 3)))
