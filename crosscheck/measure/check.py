@@ -54,6 +54,7 @@ from crosscheck.judge.samples import (
     short,
 )
 from crosscheck.judge.violations import NOT_KNOWN, violations
+from crosscheck.workers.processes import Failure, raised
 from refkin.joints import elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Status
@@ -84,7 +85,7 @@ def key_of(scene: Scene) -> str:
 def check(
     scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None, *, arbiter: bool = False
 ) -> Record:
-    """Return the record of one scene.
+    """Return the record of one scene; what an engine raises is its error there, and Ctrl-C alone ends the caller.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def check(
     subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
     row = reference_row(ref, time.perf_counter() - start)
     sharp = sharpness_at_common(ref) if subject.drawn(SHARPNESS) else {}
-    parts = [_of_engine(load(e) if isinstance(e, str) else e, subject) for e in engines]
+    parts = [_told(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
         key=subject.key,
         scene=scene.name,
@@ -201,6 +202,20 @@ class _Part:
     def blame(self, method: str, *faults: Mapping[str, Any]) -> None:
         """Note what is wrong with the answers of a method."""
         self.disagreements += [Disagreement(engine=self.engine, method=method, **fault) for fault in faults]
+
+
+def ended(engine: str, failure: Failure) -> Disagreement:
+    """Return that something ended an engine at a scene."""
+    who: Any = {"engine": engine, "method": "any", "quantity": "status"}
+    return Disagreement(**who, kind=Cause(failure.kind.value), how=failure.how, message=failure.text)
+
+
+def _told(engine: Engine, subject: _Subject) -> _Part:
+    try:
+        return _of_engine(engine, subject)
+    except (Exception, SystemExit) as error:
+        subject.changed()  # whoever comes after it is handed another copy
+        return _Part(disagreements=[ended(engine.name, raised(error))])
 
 
 def _of_engine(engine: Engine, subject: _Subject) -> _Part:

@@ -9,12 +9,12 @@ from typing import Any
 
 from crosscheck.engines import Engine, load
 from crosscheck.engines.undisturbed import undisturbed
-from crosscheck.judge.records import Cause, Disagreement, Record
-from crosscheck.measure.check import check, key_of
+from crosscheck.judge.records import Cause, Record
+from crosscheck.measure.check import check, ended, key_of
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.pool import Parts, Work, Workers
-from crosscheck.workers.processes import Failure, preload
+from crosscheck.workers.processes import Failure, FailureKind, preload
 from refkin.model import Scene
 from refkin.scenes.files import parse
 
@@ -37,10 +37,15 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     return scenes[best][0].scene, about[best]
 
 
-def check_job(job: Mapping[str, Any]) -> Record:
-    """Return the record of a job, as workers are handed it: with the specs of its `engines`, and perhaps `arbiter`."""
+def check_job(job: Mapping[str, Any]) -> Record | Failure:
+    """Return the record of a job, as workers are handed it: with the specs of its `engines`, and perhaps `arbiter`.
+
+    Where an engine raises an error that is all: each is asked again by itself, so that none is blamed for another.
+    """
     scene, about = scene_of(job)
-    return check(scene, _loaded(tuple(job["engines"])), about, arbiter=job.get("arbiter", False))
+    record = check(scene, _loaded(tuple(job["engines"])), about, arbiter=job.get("arbiter", False))
+    errors = (d for d in record.disagreements if d.kind is Cause.ERROR)
+    return next((Failure(FailureKind.ERROR, d.message, d.how) for d in errors), record)
 
 
 @lru_cache
@@ -77,9 +82,7 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
     for engine in engines:
         part = parts[engine]
         if isinstance(part, Failure):
-            who: Any = {"engine": engine, "method": "any", "quantity": "status"}
-            kind = Cause(part.kind.value)
-            rows["disagreements"].append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
+            rows["disagreements"].append(ended(engine, part))
             continue
         for name, of_all in rows.items():
             of_all += getattr(part, name)[of_reference if name == "disagreements" else 0 :]

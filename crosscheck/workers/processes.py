@@ -318,11 +318,16 @@ def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except BaseException as error:
-        where, words = traceback.extract_tb(error.__traceback__)[-1], ""
-        with suppress(Exception):  # an exception of an engine's own may have no words
-            words = kept(str(error))
-        name, file = type(error).__name__, os.path.basename(where.filename)
-        return Failure(FailureKind.ERROR, f"{name}: {words} ({where.name}, {file}:{where.lineno})", name)
+        return raised(error)
+
+
+def raised(error: BaseException) -> Failure:
+    """Return an exception that was caught as a failure: what it is, what it says, and where it came from."""
+    where, words = traceback.extract_tb(error.__traceback__)[-1], ""
+    with suppress(Exception):  # an exception of an engine's own may have no words
+        words = kept(str(error))
+    name, file = type(error).__name__, os.path.basename(where.filename)
+    return Failure(FailureKind.ERROR, f"{name}: {words} ({where.name}, {file}:{where.lineno})", name)
 
 
 def _begin(process: Any) -> None:

@@ -69,7 +69,7 @@ def without(motion: Motion) -> Motion:
     return replace(motion, q=q, status=(*motion.status[:-1], Status.NOT_CONVERGED))
 
 
-def raises(error: Exception) -> Callable[[Motion], Motion]:
+def raises(error: BaseException) -> Callable[[Motion], Motion]:
     def change(motion: Motion) -> Motion:
         raise error
 

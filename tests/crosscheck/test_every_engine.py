@@ -17,6 +17,7 @@ from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial
 
 from .exact_linkages import CASES, EPS, T, excess, four_bar, remade, turned_on
+from .made_up_engines import Made, raises
 
 ENGINES = ("mujoco", "pinocchio", "vector_loop", "exudyn", "closed_form")
 MARCHING = ENGINES[:3]
@@ -197,3 +198,19 @@ def test_an_engine_is_found_by_its_name_and_its_method_says_who_did_what(name, n
 def test_the_crossed_assembly_is_not_taken_for_the_open_one(engine):
     """Shows that what is allowed above can be exceeded."""
     assert excess(four_bar(), engine.solve(four_bar(branch=-1).scene)) > 1.0
+
+
+@pytest.mark.parametrize("error", [SystemExit(3), RecursionError("too deep"), ZeroDivisionError("planted")], ids=repr)
+def test_what_an_engine_raises_is_its_error_in_that_scene_and_ends_nobody_else(error):
+    engines = [Made("first", lambda motion: motion), Made("bad", raises(error)), Made("last", lambda motion: motion)]
+    record = check(four_bar().scene, engines)
+
+    assert {answer.engine for answer in record.answers} == {"first", "last"}
+    assert [(d.engine, d.name, str(error) in d.message) for d in record.disagreements] == [
+        ("bad", f"error ({type(error).__name__})", True)
+    ]
+
+
+def test_a_ctrl_c_ends_the_caller_of_an_engine():
+    with pytest.raises(KeyboardInterrupt):
+        check(four_bar().scene, [Made("slow", raises(KeyboardInterrupt()))])
