@@ -26,7 +26,7 @@ from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.curve import Crossing, Curve
 from refkin.proof.path.tracing import SAME, Trace, Tracer
 from refkin.proof.path.tracing import TraceEnd as PathEnd
-from refkin.proof.pose.isolate import isolate
+from refkin.proof.pose.choices import isolate_every_choice
 from refkin.solving.limits import said_if_long
 from refkin.solving.solve import end_of_profile
 from refkin.solving.starts import find_start
@@ -346,7 +346,7 @@ def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:
         return np.zeros(0), np.zeros(0)
     scaled = system.to_unit(q)
     residual = np.array([np.max(np.abs(system.phi(x, float(at)))) for x, at in zip(scaled.T, t, strict=True)])
-    return residual, isolate(system, scaled, t).position + np.max(output_rounding(system, scaled), axis=0)
+    return residual, isolate_every_choice(system, scaled, t).position + np.max(output_rounding(system, scaled), axis=0)
 
 
 def _cosine(a: Tangent, b: Tangent) -> float:

@@ -265,26 +265,46 @@ def test_rows_are_chosen_at_each_pose():
     assert "the bounds cover inverses of a Frobenius norm up to 3 / sigma_min of all rows" in motion.message
 
 
-@pytest.mark.parametrize("ulps", [0, 16])
-def test_radii_hold_for_choices_of_rows_that_serve_as_well(ulps):
-    """By balls, of 8 drawn from the hundreds of a Bennett linkage, one of whose lengths is off by some ulps."""
+def off_by_ulps(ulps):
+    """Return a scene of a Bennett linkage, one of whose lengths is off, and its system."""
     scene = Bennett(1.0, 0.7, 1.2).scene(speed=1.0, start=0.4, samples=2)
     first, second, *rest = scene.mechanism.joints
     longer = replace(second, point_i=(second.point_i[0] * (1 + ulps * 2.0**-52), 0.0, 0.0))
-    scene = replace(scene, mechanism=replace(scene.mechanism, joints=(first, longer, *rest)), times=scene.times[:1])
-    motion, system = refkin.solve(scene), compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    levels = [system.to_unit(level, order)[:, 0] for order, level in enumerate((motion.q, motion.qd, motion.qdd))]
-    slope, radii = system.phi_q(levels[0], 0.0), astuple(motion.certified_radius)
-    limit, random, farthest = WORSE / np.linalg.svd(slope, compute_uv=False)[-1], np.random.default_rng(3), np.zeros(3)
+    scene = replace(scene, mechanism=replace(scene.mechanism, joints=(first, longer, *rest)))
+    return scene, compile_system(scene.mechanism, unit=scene.mechanism.unit())
+
+
+def farthest_root(system, levels, t):
+    """Return how far off levels are of the roots of rows that serve as well, drawn from hundreds, by balls."""
+    slope, farthest = system.held_at(levels[0]).phi_q(levels[0], t), np.zeros(len(levels))
+    limit, random = WORSE / np.linalg.svd(slope, compute_uv=False)[-1], np.random.default_rng(3)
     for _ in range(8):
         rows = np.arange(24)
         while len(rows) > 21 or np.linalg.norm(1 / (np.linalg.svd(slope[rows], compute_uv=False) + 1e-30)) > limit:
             rows = np.sort(random.permutation(24)[:21])
-        root = krawczyk(system, levels[0], 0.0, rows=rows)
+        root = krawczyk(system, levels[0], t, rows=rows)
         farthest = np.fmax(farthest, [np.max(distance) for distance in root.distances(*levels)])
+    return farthest
+
+
+@pytest.mark.parametrize("ulps", [0, 16])
+def test_radii_hold_for_choices_of_rows_that_serve_as_well(ulps):
+    scene, system = off_by_ulps(ulps)
+    motion = refkin.solve(replace(scene, times=scene.times[:1]))
+    levels = [system.to_unit(level, order)[:, 0] for order, level in enumerate((motion.q, motion.qd, motion.qdd))]
+    farthest, radii = farthest_root(system, levels, 0.0), astuple(motion.certified_radius)
 
     assert (farthest <= [radius[0] for radius in radii]).all()
     assert (farthest > [0.3 * radius[0] for radius in radii]).all(), "and are not much larger than that"
+
+
+@pytest.mark.parametrize("ulps", [0, 16])
+def test_radii_of_a_path_hold_for_choices_of_rows_that_serve_as_well(ulps):
+    scene, system = off_by_ulps(ulps)
+    path = refkin.follow(scene, until=(0.0, 2.0))
+
+    for k in range(0, path.t.size, 5):
+        assert farthest_root(system, [system.to_unit(path.q[:, k])], float(path.t[k])) <= path.radius[k]
 
 
 MOBILITIES = {
