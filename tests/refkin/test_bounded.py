@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -237,18 +238,33 @@ def test_a_profile_over_a_box_is_bounded_by_its_slope_there(kind: type[Bounded])
         assert np.median(off / bounds.spread) > 0.99
 
 
+def test_an_error_of_the_values_of_a_table_moves_the_derivatives_of_a_profile_by_what_its_spline_makes_of_it() -> None:
+    knots, error, s = np.linspace(-3.0, 3.0, 241), 2.0**-40, np.array([0.01, 0.5])
+    values, more = LOBES(knots, 0), error * (-1.0) ** np.arange(241)
+    one, other = (Table(argument=tuple(knots.tolist()), value=tuple(y.tolist())) for y in (values, values * (1 + more)))
+    m = scene("tip on lobes").mechanism
+    joints = tuple(replace(j, profile=replace(j.profile, law=one)) if j.name == "contact" else j for j in m.joints)
+    system = compile_system(replace(m, joints=joints))
+    placed = bounded_system(system, error=InputError(error)).placed
+    contact = next(p.constraint for p in placed if p.constraint.name == "contact")
+    for order, value in enumerate(cast(Any, contact).profile_values(Bounded.exactly(s), system.unit, 2)):
+        moved = np.abs(other(s, order) - one(s, order))
+
+        assert (moved <= 1.01 * read(np.array([value]), 2).spread + 1e-15).all()
+
+
 @pytest.mark.parametrize("least", [0.0, 1.0, 5.0])
-def test_an_error_of_the_inputs_moves_each_derivative_of_a_law_by_its_own_size_or_the_least(least: float) -> None:
-    """Of gamma, which is f'' for the driver of an angle: that of f'', and that of the time by f'''."""
-    law, t = Polynomial(coefficients=(2.0, -0.7, 0.4, 0.1)), np.array([0.5])
+def test_an_error_of_the_inputs_moves_each_derivative_of_a_law_by_what_it_adds_up_or_the_least(least: float) -> None:
+    """Of gamma, f'' = -0.8 + 0.3 for the driver of an angle: that of these numbers, and that of the time by f'''."""
+    law, t = Polynomial(coefficients=(2.0, -0.7, -0.4, 0.1)), np.array([0.5])
     pin = Revolute(name="pin", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0))
     mechanism = Mechanism((Body(name="b"),), (pin,), (AngleDriver(name="d", body="b", law=law),))
     rough = bounded_system(compile_system(mechanism), error=InputError(2.0**-40, least))
     gamma = read(rough.gamma(box(np.zeros((3, 1))), box(np.zeros((3, 1))), Times(t, 3)), 1)
 
-    expected = 2.0**-40 * (max(float(law(t, 2)[0]), least) + t * law(t, 3))
+    expected = 2.0**-40 * (max(0.8 + 0.3, least) + t * law(t, 3))
     assert gamma.mid[2] == law(t, 2)
-    assert gamma.spread[2] == pytest.approx(expected, rel=1e-9, abs=0.0)
+    assert gamma.spread[2] == pytest.approx(expected, rel=2.0**-26, abs=0.0), "radii of balls have 30 bits"
 
 
 @pytest.mark.parametrize("kind", [Bounded, Extended])

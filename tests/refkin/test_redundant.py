@@ -14,7 +14,7 @@ from refkin import fast
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Polynomial, Table
 from refkin.proof.numbers import inputs
 from refkin.proof.numbers.preconditioned import Preconditioned
 from refkin.proof.pose import choices
@@ -118,6 +118,23 @@ def test_rounding_is_no_contradiction():
     assert again.verdict is Status.OK, f"{again.verdict} {again.message}"
     for level in ("q", "qd", "qdd"):
         assert_near(getattr(again, level), getattr(once, level), 256 * U, level)
+
+
+@pytest.mark.parametrize(("off", "verdict"), [(0.0, Status.OK), (1e-12, Status.LOCKED)])
+def test_a_table_contradicts_the_cubic_that_it_samples_if_its_values_are_off_by_more_than_rounding(off, verdict):
+    """Its second derivative magnifies what its values are rounded by: over 2e-3 s, 1e-16 rad are 1e-10 rad/s^2."""
+    knots, cubic = np.linspace(0.0, 0.01, 6), Polynomial(coefficients=(0.84, 0.0, 0.0, 1e6))
+    values = cubic(knots) + off * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    table = Table(argument=tuple(knots.tolist()), value=tuple(values.tolist()))
+    scene = FourBar(ground=2.0, crank=1.0, coupler=2.0, rocker=1.0).scene(law=cubic, times=(0.0, 0.003, 0.01))
+    m = scene.mechanism
+    drivers = (*m.drivers, AngleDriver(name="second motor", body="rocker", law=table))
+
+    assert solve(replace(scene, mechanism=replace(m, drivers=drivers))).verdict is verdict
+
+
+def test_a_table_of_a_cubic_does_not_contradict_it_on_another_crank():
+    assert solve(load("tests/corpus/redundant-table-and-its-cubic.toml")).verdict is Status.OK
 
 
 def test_accelerations_contradict_where_a_pin_that_is_there_twice_is_a_little_aside():

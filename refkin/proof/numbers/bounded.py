@@ -30,7 +30,7 @@ import numpy as np
 from flint import arb, ctx
 
 from refkin.joints import Unit
-from refkin.proof.numbers.exact import continued, exact_system
+from refkin.proof.numbers.exact import continued, exact, exact_system
 from refkin.system import System
 
 U = 2.0**-53
@@ -252,6 +252,12 @@ class Times:
             self._values[constraint.name] = [np.array(law) for law in each]
         return self._values[constraint.name]
 
+    def blurs(self, blurred: Any, unit: Unit) -> list[Any]:
+        """Return per law of a blurred constraint how far its values and derivatives may be off, (order + 1, B)."""
+        with ctx.workprec(LAW_BITS):
+            laws = blurred.inputs(np.frompyfunc(arb, 1, 1)(self.t), unit, self.order)
+            return [np.array([[float(arb(x).rad()) for x in row] for row in law]) for law in laws]
+
     def moves(self, constraint: Any, unit: Unit) -> Any:
         """Return bounds of |f(t + s) - f(t)| and |f'(t + s) - f'(t)|, |s| <= half, for each law, (laws, 2, B).
 
@@ -282,10 +288,13 @@ EXACT = InputError(0.0)
 
 
 class _Rounded:
-    """A constraint whose laws come from `Times`; its formulas are the constraint's own."""
+    """A constraint whose laws come from `Times`; its formulas are the constraint's own.
 
-    def __init__(self, exact: Any, number: type[Bounded], error: InputError) -> None:
-        self.exact, self.number, self.error = exact, number, error
+    `blurred` is the constraint with laws of numbers that have the error: a table magnifies it in its derivatives.
+    """
+
+    def __init__(self, exact: Any, number: type[Bounded], error: InputError, blurred: Any) -> None:
+        self.exact, self.number, self.error, self.blurred = exact, number, error, blurred
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.exact, name)
@@ -300,13 +309,16 @@ class _Rounded:
             return tuple(tuple(map(self.number.near, law, by)) for law, by in zip(values, moves, strict=True))
         # Numbers have the size that they have in a scene: subtracting the origin afterwards takes nothing away.
         in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, Unit(unit.size))
-        return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, in_scene, strict=True))
+        blurs = values if self.error is EXACT else t.blurs(self.blurred, unit)
+        laws = zip(values, in_scene, blurs, strict=True)
+        return tuple(self._law(orders, at[0], blur, t.t) for orders, at, blur in laws)
 
     def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
         """Return the profile around s: its exact values there, and how far its slope over all of s moves them."""
         at, reach = np.broadcast_arrays(s.mid, UP * (s.rounding + s.spread))
         values: list[Any] = []
         slopes: list[Any] = []
+        blurs: list[Any] = []
         with ctx.workprec(LAW_BITS):
             for mid, off in zip(at.ravel(), reach.ravel().tolist(), strict=True):
                 high = float(mid)
@@ -314,20 +326,23 @@ class _Rounded:
                 values.append([parts(x) for x in self.exact.profile_values(middle, unit, order)])
                 around = self.exact.profile_values(middle + arb(0, off), unit, order + 1)[1:]
                 slopes.append([_above(x) for x in around])
+                off_by_error = () if self.error is EXACT else self.blurred.profile_values(middle, unit, order)
+                blurs.append([float(arb(x).rad()) for x in off_by_error] or [0.0] * len(values[-1]))
         rounded = []
-        for near, slope in zip(np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, strict=True):
+        each = (np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, np.array(blurs).T)
+        for near, slope, blur in zip(*each, strict=True):
             x = self.number.near(near.reshape(3, *at.shape))
-            steep, own = slope.reshape(at.shape), self.error.of(near[0].reshape(at.shape))
+            steep, own = slope.reshape(at.shape), np.maximum(self.error.of(near[0]), blur).reshape(at.shape)
             rounded.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
         return tuple(rounded)
 
-    def _law(self, orders: Any, in_scene: Any, t: Any) -> tuple[Bounded, ...]:
+    def _law(self, orders: Any, in_scene: Any, blur: Any, t: Any) -> tuple[Bounded, ...]:
         if self.error is EXACT:
             return tuple(map(self.number.near, orders))
         # The time is a number too: what an error of it does to the value, by the derivative.
         by_time = [self.error.relative * abs(t * derivative[0]) for derivative in orders[1:]]
         sizes = [in_scene[0], *(at[0] for at in orders[1:])]
-        own = [self.error.of(size) + by for size, by in zip(sizes, by_time, strict=False)]
+        own = [np.maximum(self.error.of(size), by) + more for size, by, more in zip(sizes, blur, by_time, strict=False)]
         return tuple(self.number.near(at, spread) for at, spread in zip(orders, own, strict=False))
 
 
@@ -354,14 +369,15 @@ def bounded_system(system: System, number: type[Bounded] = Bounded, error: Input
 @lru_cache(maxsize=64)
 def _bounded_system(system: System, number: type[Bounded], error: InputError) -> System:
     placed = []
-    for p in exact_system(system, LAW_BITS).placed:
+    for own, p in zip(system.placed, exact_system(system, LAW_BITS).placed, strict=True):
         with ctx.workprec(LAW_BITS):
             if error is EXACT:  # zeros cost nothing so
                 g = tuple(int(float(x)) if x in (0, 1, -1) else number.near(parts(x)) for x in p.g)
             else:
                 in_scene = [float(x) for x in p.constraint.constants(Unit(system.unit.size))]
                 g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, in_scene, strict=True))
-        constraint = _Rounded(p.constraint, number, error)
+            blurred = p.constraint if error is EXACT else exact(own.constraint, error.relative)
+        constraint = _Rounded(p.constraint, number, error, blurred)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))
 

@@ -13,14 +13,14 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from flint import arb, ctx
 
-from refkin.motion_laws import Law, Polynomial, Table
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.system import System
 
 
@@ -40,16 +40,24 @@ def _exact_system(system: System, bits: int) -> System:
     return replace(system, placed=tuple(placed))
 
 
-def exact(item: Any) -> Any:
+def exact(item: Any, blur: float = 0.0) -> Any:
     """Return a dataclass, tuple or number with every number in it, at any depth, as an exact `arb`.
 
-    Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero (a sinusoid does).
+    Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero (a sinusoid does). With a
+    `blur` the numbers of laws are balls of so much of their size, but for the arguments of tables.
     """
     if isinstance(item, Table):
-        return ExactSpline.through(item.argument, item.value, item.periodic)
+        return ExactSpline.through(item.argument, _blurred(item.value, blur), item.periodic)
     if isinstance(item, int | float) and not isinstance(item, bool):
         return arb(item) if item else item
-    return by_parts(item, exact)
+    part = _blurred if isinstance(item, Polynomial | Sinusoid | Integral) else exact
+    return by_parts(item, partial(part, blur=blur))
+
+
+def _blurred(item: Any, blur: float) -> Any:
+    if isinstance(item, float) and item:
+        return arb(item, blur * abs(item))
+    return by_parts(item, partial(_blurred, blur=blur)) if isinstance(item, tuple) else exact(item, blur)
 
 
 def continued(item: Any) -> Any:
@@ -86,7 +94,7 @@ class ExactSpline:
     continued: bool = False
 
     @classmethod
-    def through(cls, argument: tuple[float, ...], value: tuple[float, ...], periodic: bool) -> ExactSpline:
+    def through(cls, argument: tuple[float, ...], value: tuple[Any, ...], periodic: bool) -> ExactSpline:
         """Return the spline with not-a-knot ends, or the periodic one, of SciPy's `CubicSpline`."""
         x, y = [arb(a) for a in argument], [arb(v) for v in value]
         h = [b - a for a, b in pairwise(x)]
