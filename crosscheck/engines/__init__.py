@@ -503,9 +503,10 @@ def _class_of(spec: str) -> Any:
         if not where:
             return _registered(spec).load()
         module = _module_of_file(where) if where.endswith(".py") else import_module(where)
-    except ImportError as error:
+    except (ImportError, SystemExit) as error:
         hint = "; pip install 'refkin[engines]' brings it" if spec in PEERS else ""
-        raise EngineError(f"engine {spec!r} cannot be imported: {error}{hint}") from error
+        why = f"it ends with {error!r}" if isinstance(error, SystemExit) else f"{error}{hint}"
+        raise EngineError(f"engine {spec!r} cannot be imported: {why}") from error
     if not hasattr(module, name):
         raise EngineError(f"engine {spec!r}: there is no {name!r} in {where}")
     return getattr(module, name)

@@ -214,3 +214,9 @@ def test_what_an_engine_raises_is_its_error_in_that_scene_and_ends_nobody_else(e
 def test_a_ctrl_c_ends_the_caller_of_an_engine():
     with pytest.raises(KeyboardInterrupt):
         check(four_bar().scene, [Made("slow", raises(KeyboardInterrupt()))])
+
+
+def test_a_file_that_ends_the_process_is_no_engine(tmp_path):
+    (tmp_path / "ends.py").write_text("raise SystemExit(3)", encoding="utf-8")
+    with pytest.raises(EngineError, match=r"cannot be imported: it ends with SystemExit\(3\)"):
+        check(four_bar().scene, [f"{tmp_path / 'ends.py'}:Engine"])
