@@ -104,7 +104,7 @@ def check(
     subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
     row = reference_row(ref, time.perf_counter() - start)
     sharp = sharpness_at_common(ref) if subject.drawn(SHARPNESS) else {}
-    parts = [_told(load(e) if isinstance(e, str) else e, subject) for e in engines]
+    parts = [_part_of(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
         key=subject.key,
         scene=scene.name,
@@ -210,12 +210,12 @@ def ended(engine: str, failure: Failure) -> Disagreement:
     return Disagreement(**who, kind=Cause(failure.kind.value), how=failure.how, message=failure.text)
 
 
-def _told(engine: Engine, subject: _Subject) -> _Part:
+def _part_of(engine: Engine, subject: _Subject) -> _Part:
     try:
         return _of_engine(engine, subject)
     except (Exception, SystemExit) as error:
         subject.changed()  # whoever comes after it is handed another copy
-        return _Part(disagreements=[ended(engine.name, raised(error))])
+        return _Part(engine.name, disagreements=[ended(engine.name, raised(error))])
 
 
 def _of_engine(engine: Engine, subject: _Subject) -> _Part:
