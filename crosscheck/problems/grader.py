@@ -7,8 +7,9 @@ row per time: what `crosscheck solve --json` prints of each. A number may be a s
 
 The score of a level is -log10(|x - c| / |c|) in the maximum norm over all bodies, c the certified values, at the time
 where it is least; from 0 to 30. Lengths count in sizes of the mechanism, angles up to whole turns. |c| is 1 for poses,
-for rates the largest component at that time. In space rows are [x, y, z, e0, e1, e2, e3], with Euler parameters e of
-either sign, and their rates. Answers of another assembly are refused, and said by name.
+for rates the largest component at that time, for accelerations the square of the largest velocity if that is more. In
+space rows are [x, y, z, e0, e1, e2, e3], with Euler parameters e of either sign, and their rates. Answers of another
+assembly are refused, and said by name.
 """
 
 import json
@@ -46,13 +47,20 @@ def _distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal
     return largest
 
 
+def _scale(truth: Any, level: str, k: int) -> Decimal:
+    """Return |c| of one time."""
+    if level == "q":
+        return Decimal(1)
+    sizes = [Decimal(truth["size"]) if unit == "length" else 1 for unit in truth["units"]] * len(truth["columns"])
+    velocity, rate = (max(abs(Decimal(c)) / s for c, s in zip(truth[at][k], sizes, strict=True)) for at in ("qd", level))
+    return max(rate, velocity ** (1 if level == "qd" else 2)) or Decimal(1)
+
+
 def _digits(given: Any, truth: Any, level: str) -> float:
     """Return the score of one level."""
     scores = []
     for k, right in enumerate(truth[level]):
-        sizes = [Decimal(truth["size"]) if unit == "length" else 1 for unit in truth["units"]] * len(truth["columns"])
-        scale = max(abs(Decimal(c)) / size for c, size in zip(right, sizes, strict=True))
-        relative = _distance(given, right, truth, level, k) / (scale if level != "q" and scale else 1)
+        relative = _distance(given, right, truth, level, k) / _scale(truth, level, k)
         scores.append(-relative.log10() if relative else MOST)
     return float(min(max(min(scores), Decimal(0)), MOST))
 

@@ -320,7 +320,7 @@ def test_redundant_rows_do_not_hide_that_columns_depend_on_each_other() -> None:
 
 
 def test_round_off_grows_with_the_turns() -> None:
-    system = TreeSystem(SimpleNamespace(tree=SimpleNamespace(depth=1, driven=())))  # type: ignore[arg-type]
+    system = TreeSystem(SimpleNamespace(tree=SimpleNamespace(edges=(), driven=())))  # type: ignore[arg-type]
     turned, still = system.round_off(np.array([[1000.0], [0.0]]), np.zeros(2))[:, 0]
 
     assert turned == 1001 * still
