@@ -52,7 +52,9 @@ def _scale(truth: Any, level: str, k: int) -> Decimal:
     if level == "q":
         return Decimal(1)
     sizes = [Decimal(truth["size"]) if unit == "length" else 1 for unit in truth["units"]] * len(truth["columns"])
-    velocity, rate = (max(abs(Decimal(c)) / s for c, s in zip(truth[at][k], sizes, strict=True)) for at in ("qd", level))
+    velocity, rate = (
+        max(abs(Decimal(c)) / s for c, s in zip(truth[at][k], sizes, strict=True)) for at in ("qd", level)
+    )
     return max(rate, velocity ** (1 if level == "qd" else 2)) or Decimal(1)
 
 
