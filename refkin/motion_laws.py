@@ -119,10 +119,11 @@ class Table:
         return np.array([self._spline.integrate(0.0, knot) for knot in self.argument])
 
     def _integral(self, t: Any) -> Any:
-        x, known = self._spline.x, 0.0 * self._spline(t)  # NaN beyond the ends
-        turns = np.floor((t - x[0]) / (x[-1] - x[0])) if self.periodic else 0.0
-        t = np.minimum(np.maximum(t - turns * (x[-1] - x[0]), x[0]), x[-1])  # `np.clip` takes three times as long
-        k = np.minimum(np.maximum(x.searchsorted(t, side="right") - 1, 0), len(x) - 2)
+        x, known, turns = self._spline.x, 0.0 * self._spline(t), 0.0  # NaN beyond the ends
+        if self.periodic:
+            turns = np.floor((t - x[0]) / (x[-1] - x[0]))
+            t = np.minimum(np.maximum(t - turns * (x[-1] - x[0]), x[0]), x[-1])  # `np.clip` takes three times as long
+        k = x[1:-1].searchsorted(t, side="right")
         (a, b, c, d), s = self._spline.c[:, k], t - x[k]
         piece = s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
         return (piece + self._areas[k] + turns * (self._areas[-1] - self._areas[0]) + known)[()]

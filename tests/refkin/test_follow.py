@@ -26,11 +26,13 @@ from refkin import (
     compile_system,
 )
 from refkin.joints import DRIVER_TYPES, SPATIAL_DRIVER_TYPES
+from refkin.motion_laws import Integral
 from refkin.proof.path import tracing
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import BEND, CLOSE, FIRST_STEP, INSIDE, STANDING, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, _is_driven_angle, driven_by, straight_on
+from refkin.solving.table_ends import continued
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
@@ -690,3 +692,13 @@ def test_a_path_ends_where_the_profile_of_a_cam_does_and_says_so():
 
     assert path.end is TraceEnd.STOPPED
     assert path.message.endswith("the contact of contact leaves its profile")
+
+
+@pytest.mark.parametrize("t", [-0.25, 0.5, 1.25])
+def test_beyond_an_open_table_of_a_rate_a_path_has_the_integral_of_its_last_piece(t):
+    """A Bricard's path to the end of its table was lost at 1 - 5e-12: beyond it only the rate went on."""
+    rate = Table(argument=(0.0, 0.4, 0.7, 1.0), value=(1.0, 1.5, 0.5, 2.0))
+    scene = ROCKER.scene(law=Integral(rate=rate, initial=0.3), times=(0.0, 1.0))
+    law, h = continued(scene.mechanism).drivers[0].laws[0], 1e-4
+
+    assert (law(t + h) - law(t - h)) / (2 * h) == pytest.approx(law(t, 1), rel=1e-6)
