@@ -290,7 +290,7 @@ EXACT = InputError(0.0)
 class _Rounded:
     """A constraint whose laws come from `Times`; its formulas are the constraint's own.
 
-    `blurred` is the constraint with laws of numbers that have the error: a table magnifies it in its derivatives.
+    `blurred` is the constraint of numbers that have the error: a table magnifies it in the derivatives of a law.
     """
 
     def __init__(self, exact: Any, number: type[Bounded], error: InputError, blurred: Any) -> None:
@@ -307,11 +307,8 @@ class _Rounded:
         if t.half is not None:
             moves = t.moves(self.exact, unit)
             return tuple(tuple(map(self.number.near, law, by)) for law, by in zip(values, moves, strict=True))
-        # Numbers have the size that they have in a scene: subtracting the origin afterwards takes nothing away.
-        in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, Unit(unit.size))
         blurs = values if self.error is EXACT else t.blurs(self.blurred, unit)
-        laws = zip(values, in_scene, blurs, strict=True)
-        return tuple(self._law(orders, at[0], blur, t.t) for orders, at, blur in laws)
+        return tuple(self._law(orders, blur, t.t) for orders, blur in zip(values, blurs, strict=True))
 
     def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
         """Return the profile around s: its exact values there, and how far its slope over all of s moves them."""
@@ -332,17 +329,16 @@ class _Rounded:
         each = (np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, np.array(blurs).T)
         for near, slope, blur in zip(*each, strict=True):
             x = self.number.near(near.reshape(3, *at.shape))
-            steep, own = slope.reshape(at.shape), np.maximum(self.error.of(near[0]), blur).reshape(at.shape)
+            steep, own = slope.reshape(at.shape), np.maximum(self.error.of(0.0), blur).reshape(at.shape)
             rounded.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
         return tuple(rounded)
 
-    def _law(self, orders: Any, in_scene: Any, blur: Any, t: Any) -> tuple[Bounded, ...]:
+    def _law(self, orders: Any, blur: Any, t: Any) -> tuple[Bounded, ...]:
         if self.error is EXACT:
             return tuple(map(self.number.near, orders))
         # The time is a number too: what an error of it does to the value, by the derivative.
         by_time = [self.error.relative * abs(t * derivative[0]) for derivative in orders[1:]]
-        sizes = [in_scene[0], *(at[0] for at in orders[1:])]
-        own = [np.maximum(self.error.of(size), by) + more for size, by, more in zip(sizes, blur, by_time, strict=False)]
+        own = [np.maximum(self.error.of(0.0), by) + more for by, more in zip(blur, by_time, strict=False)]
         return tuple(self.number.near(at, spread) for at, spread in zip(orders, own, strict=False))
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from refkin.motion_laws import Law, Polynomial, Table
 from refkin.system import System
 
 
@@ -44,20 +44,13 @@ def exact(item: Any, blur: float = 0.0) -> Any:
     """Return a dataclass, tuple or number with every number in it, at any depth, as an exact `arb`.
 
     Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero (a sinusoid does). With a
-    `blur` the numbers of laws are balls of so much of their size, but for the arguments of tables.
+    `blur` the numbers are balls of so much of their size, but for the arguments of tables.
     """
     if isinstance(item, Table):
-        return ExactSpline.through(item.argument, _blurred(item.value, blur), item.periodic)
+        return ExactSpline.through(item.argument, exact(item.value, blur), item.periodic)
     if isinstance(item, int | float) and not isinstance(item, bool):
-        return arb(item) if item else item
-    part = _blurred if isinstance(item, Polynomial | Sinusoid | Integral) else exact
-    return by_parts(item, partial(part, blur=blur))
-
-
-def _blurred(item: Any, blur: float) -> Any:
-    if isinstance(item, float) and item:
-        return arb(item, blur * abs(item))
-    return by_parts(item, partial(_blurred, blur=blur)) if isinstance(item, tuple) else exact(item, blur)
+        return arb(item, blur * abs(item)) if item else item
+    return by_parts(item, partial(exact, blur=blur))
 
 
 def continued(item: Any) -> Any:
