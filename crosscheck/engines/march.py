@@ -4,8 +4,8 @@ The first pose is Newton's from an estimate. From there rough poses at a few tim
 Newton at every time give poses of which none is believed yet. A step from one to the next is taken if Newton contracts
 at once from the tangent of the first and no singular Jacobian can lie between the two; steps that fail are halved, all
 at once. What is left is done one step after another, halved further until Newton contracts. So no pose is ever taken
-that the tangent of the pose before it does not lead to, or towards an end the cubic through the two before it, and a
-motion ends where its assembly ends.
+that the tangent of the pose before it does not lead to, or the cubic through the two before it (towards an end, and for
+an engine's own Newton), and a motion ends where its assembly ends.
 
 A velocity, and with it the first derivative of each law, is taken of a scene too that calls for positions alone: the
 difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
@@ -384,7 +384,9 @@ def _way(
 
     A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
     the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. What did not go so
-    is tried along the tangent. It ends where a singular pose follows on a short step, or none on the shortest.
+    is tried along the tangent; along the cubic through the last two poses for an engine's own Newton, which beside a
+    singular pose may go astray from what the tangent misses. It ends where a singular pose follows on a short step, or
+    none on the shortest.
 
     Yields a guess (1, n), its time and the pose that it starts from; is sent the pose that Newton makes of it, and
     whether the two are `connected`.
@@ -392,12 +394,13 @@ def _way(
     first, step, failed = last, t - float(last.t[0]), False
     before, end = last, math.inf
     smallest, ended = (math.ldexp(step, -times) for times in (halvings, halvings // 2))
+    curved = hasattr(equations, "closed")
     for _ in range(ATTEMPTS):
         now = float(last.t[0])
         if not failed:
             step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
         target = min(t, now + step)
-        pose, joined = yield _ahead(before, last, math.inf if failed else end, target), target, last
+        pose, joined = yield _ahead(before, last, math.inf if failed else end, target, curved), target, last
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
@@ -419,11 +422,15 @@ def _end(a: Poses, b: Poses) -> float:
     return float(b.t[0]) + float(b.t[0] - a.t[0]) * now / (left - now) if now < left < math.inf else math.inf
 
 
-def _ahead(a: Poses, b: Poses, end: float, t: float) -> Array:
-    """Return coordinates (1, n) at t on the tangent of pose b; by a cubic in the root of what is left before an end."""
+def _ahead(a: Poses, b: Poses, end: float, t: float, curved: bool = False) -> Array:
+    """Return coordinates (1, n) at t on the tangent of pose b, or if curved on the cubic through poses a and b.
+
+    Before an end it is a cubic in the root of what is left.
+    """
     roots = [math.sqrt(max(end - float(at), 0.0)) for at in (a.t[0], b.t[0], t)]
     if end == math.inf or not roots[0] > roots[1] > roots[2] > 0.0:  # of an end far beyond the step roots are equal
-        return b.q + (t - float(b.t[0])) * b.qd
+        ends = (a, b) if curved and a.t[0] < b.t[0] else (b,)
+        return hermite([float(x.t[0]) for x in ends], [x.q for x in ends], [x.qd for x in ends], t)
     return hermite(roots[:2], (a.q, b.q), (-2.0 * roots[0] * a.qd, -2.0 * roots[1] * b.qd), roots[2])
 
 

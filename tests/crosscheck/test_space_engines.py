@@ -17,6 +17,7 @@ from crosscheck.engines.closed_form.jets import Floats, Jet, on_circle
 from crosscheck.engines.closed_form.space import BETWEEN, SpatialAssembly
 from crosscheck.engines.closed_form.space_motion import _lowest_between, _proved_absent
 from crosscheck.engines.closed_form.space_vectors import least_squares
+from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.spatial.turning import product
@@ -140,6 +141,16 @@ def test_beside_a_gimbal_pose_and_by_rows_nearly_alike_the_closed_form_loses_no_
     alike it was off by 1.8: normal equations square their condition."""
     (answer,) = check(refkin.load(CORPUS / file), ["closed_form"]).answers
     assert max(q.ratio for q in answer.quantities.values()) < bound
+
+
+def test_beside_a_gimbal_pose_exudyn_starts_from_the_cubic_through_two_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the tangent its Newton goes astray but for steps so small that 896 poses are tried, not 371."""
+    asked, solved = list[float](), SpaceEquations.solved
+    monkeypatch.setattr(SpaceEquations, "solved", lambda self, q, t: asked.append(t) or solved(self, q, t))
+    motion = load("exudyn").solve(refkin.load(CORPUS / "space-hooke-gimbal-acceleration.toml"))
+
+    assert set(motion.status) == {Status.OK}
+    assert len(asked) <= 450
 
 
 def test_exudyn_names_the_screw_that_it_refuses() -> None:
