@@ -42,22 +42,31 @@ from typing import TYPE_CHECKING, Any
 
 from refkin.analysis import acceleration, position, velocity
 from refkin.errors import Fault, InvalidRequest, InvalidScene, RefkinError
+from refkin.joints.base import Unit
+from refkin.joints.cams import Cam, Disc, Polar
+from refkin.joints.drivers import AngleDriver, DistanceDriver, XDriver, YDriver
+from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
+from refkin.joints.rolling import Gear, RackAndPinion
+from refkin.joints.spatial import (
+    Cylindrical,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    Screw,
+    SpatialDistance,
+    SpatialFixed,
+    SpatialPointOnLine,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+    Universal,
+)
+from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status, __version__
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.newton import NewtonResult, NewtonStatus, newton
 from refkin.system import System, compile_system
-
-# fmt: off
-# isort: off
-from refkin.joints import (
-    AngleDriver, Cam, Cylindrical, Disc, DisplacementDriver, Distance, DistanceDriver, Fixed, Gear, Parallel,
-    Perpendicular, PointOnLine, PointOnPlane, Polar, Prismatic, RackAndPinion, Revolute, Screw, SpatialAngleDriver,
-    SpatialDistance, SpatialDistanceDriver, SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute,
-    Spherical, Unit, Universal, XDriver, YDriver,
-)
-# isort: on
-# fmt: on
 
 if TYPE_CHECKING:
     from refkin.scenes.files import load

@@ -341,6 +341,16 @@ class SpatialDistance(BetweenSpatialPoints):
 
 
 SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...] = (
-    Spherical, SpatialRevolute, SpatialPrismatic, Cylindrical, Universal, Screw, SpatialFixed, SpatialDistance,
-    Parallel, Perpendicular, PointOnPlane, SpatialPointOnLine,
-)  # fmt: skip
+    Spherical,
+    SpatialRevolute,
+    SpatialPrismatic,
+    Cylindrical,
+    Universal,
+    Screw,
+    SpatialFixed,
+    SpatialDistance,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    SpatialPointOnLine,
+)
