@@ -109,7 +109,7 @@ def by_search(
     why, note : str
         Why it was made, and what is to be said of it.
     """
-    what = f"{len(poses)} assemblies were found by search" if poses else "no assembly was found"
+    what = f"{len(poses)} assemblies were found by search" if poses else "the search found none"
     message, branches = "; ".join(filter(None, (what, why, note))), tuple(() for _ in poses)
     return Assemblies(poses=poses, branches=branches, radii=radii, complete=complete, message=message, searched=True)
 
