@@ -153,6 +153,13 @@ def test_beside_a_gimbal_pose_exudyn_starts_from_the_cubic_through_two_poses(mon
     assert len(asked) <= 450
 
 
+def test_exudyn_starts_from_no_cubic_where_a_spin_depends_on_the_way() -> None:
+    """Of a coupler on two balls: it lost the branch."""
+    motion = load("exudyn").solve(refkin.load(CORPUS / "space-spin-by-the-way.toml"))
+
+    assert motion.status == (Status.OK,) * 4
+
+
 def test_exudyn_names_the_screw_that_it_refuses() -> None:
     with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: exudyn has no screw joint"):
         load("exudyn").solve(space_scenes.screw_jack())
