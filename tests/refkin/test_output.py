@@ -180,6 +180,26 @@ def test_a_body_with_one_joint_point_is_an_upright_block_around_it():
     assert (min(x) + max(x), min(y) + max(y)) == pytest.approx((0.0, 0.0))
 
 
+def test_wheels_that_roll_on_each_other_are_drawn_about_their_pins_with_their_radii():
+    radii = {"first": 0.5, "second": 0.75}
+    pins = [
+        refkin.Revolute(name=f"pin {b}", body_i="ground", point_i=(x, 0.0), body_j=b, point_j=(0.1, 0.2))
+        for b, x in (("first", 0.0), ("second", 1.25))
+    ]
+    teeth = refkin.Gear(name="teeth", body_i="first", radius_i=0.5, body_j="second", radius_j=-0.75)
+    motor = refkin.AngleDriver(name="motor", body="first", law=refkin.Polynomial(coefficients=(0.0, 1.0)))
+    bodies = tuple(refkin.Body(name=b) for b in radii)
+    scene = refkin.Scene(mechanism=refkin.Mechanism(bodies, (*pins, teeth), (motor,)), times=(0.0, 1.0))
+    wheels = {
+        part.name: next(s for s in part.shapes if s.role == "wheel")
+        for part in Drawing(scene, refkin.solve(scene)).parts
+        if part.name in radii
+    }
+
+    assert {name: wheel.radius for name, wheel in wheels.items()} == radii
+    assert all(wheel.points.tolist() == [[0.1], [0.2]] for wheel in wheels.values())
+
+
 def test_what_matplotlib_does_not_fill_it_does_not_close(scene, motion, tmp_path):
     raster = pytest.importorskip("refkin.output.raster")
     raster.save_still(Drawing(scene, motion), tmp_path / "picture.svg")

@@ -206,6 +206,17 @@ def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_th
     assert analysis._stays(system, q, t, result, to) is stays
 
 
+@pytest.mark.parametrize(("part", "stays"), [(0.24, True), (0.26, False)])
+def test_a_step_stays_on_its_branch_while_it_is_led_to_but_for_a_quarter_of_its_move(part, stays):
+    scene = ROCKER.scene(samples=721)
+    system, (t, to) = compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene.times[:2]
+    q = analysis.position(system, analysis.estimate_of(system, scene), t).q
+    result = analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
+    corrections = np.array([[part * np.max(np.abs(result.q - q))], [0.0]])
+
+    assert analysis._stays(system, q, t, replace(result, corrections=corrections), to) is stays
+
+
 def test_a_wheel_that_turns_too_often_between_two_times_is_given_up(monkeypatch):
     """It went on for hours."""
     monkeypatch.setattr(analysis, "MOST_STEPS", 50)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -16,7 +17,7 @@ import refkin
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCrank, Status, Table
 from refkin.fast import attempt
-from refkin.fast.certify import _law, _Number, exact_geometry, radii, zeros_of
+from refkin.fast.certify import _law, _Number, exact_geometry, proved, radii, zeros_of
 from refkin.fast.compiled import forget
 from refkin.fast.elimination import prove
 from refkin.fast.elimination.program import SEGMENTS
@@ -147,6 +148,14 @@ def test_no_value_of_a_law_is_off_by_more_than_is_said_of_it(law):
         ]
 
     assert (off <= said).all()
+
+
+def test_what_rounding_takes_from_a_bound_is_given_back():
+    values = SimpleNamespace(
+        give_laws=lambda laws: None, run=lambda name: None, level=lambda order: np.array([[0.0], [1.0]])
+    )
+
+    assert proved(values, {}) > 1.0
 
 
 @pytest.mark.parametrize("levels", [1, 2, 3])
