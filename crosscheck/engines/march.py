@@ -384,9 +384,9 @@ def _way(
 
     A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
     the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. What did not go so
-    is tried along the tangent; along the cubic through the last two poses for an engine's own Newton, which beside a
-    singular pose may go astray from what the tangent misses, if no coordinate depends on the way to a pose (`together`).
-    It ends where a singular pose follows on a short step, or none on the shortest.
+    is tried along the tangent; an engine's own Newton may go astray from what that misses beside a singular pose, so
+    from the cubic through the last two poses, if no coordinate depends on the way to a pose (`together`). It ends where
+    a singular pose follows on a short step, or none on the shortest.
 
     Yields a guess (1, n), its time and the pose that it starts from; is sent the pose that Newton makes of it, and
     whether the two are `connected`.
