@@ -270,7 +270,10 @@ def _most(engine: str, scene: Scene, term: Term) -> float:
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:
-    """Whether so much of rates is: a link turns with w = (v_i + v_j) / L, v up to twice the size; of w^2 it is."""
+    """Return whether rounding explains an error of so much of the rates.
+
+    A massless link of length L turns with w = (v_i + v_j) / L, each v up to twice the size, and w^2 is in its rates.
+    """
     if of_rates <= OF_RATES:
         return True
     size, given = scene.mechanism.size(), elements_of(scene.mechanism.constraints)
