@@ -190,6 +190,19 @@ def test_what_another_loop_moves_near_its_limit_and_back_is_doubted_however_fast
     assert np.flatnonzero(dips(system, motion.t / speed, system.to_unit(motion.q))).tolist() == [0]
 
 
+def test_a_table_that_begins_and_ends_with_a_step_hides_no_loop_that_is_moved_to_its_limit_and_back_there():
+    """Rates at the last pose were asked for after it, where the table has none: no step that ends there was doubted."""
+    clear = short_of_its_limit(0.001)
+    motion = refkin.solve(replace(clear, times=tuple(np.linspace(*np.array(clear.times)[[0, -1]], 8))))
+    (driver,) = clear.mechanism.drivers
+    knots = np.linspace(*motion.t[:2], 5)
+    table = Table(argument=tuple(knots.tolist()), value=tuple(driver.law(knots).tolist()))
+    mechanism = replace(clear.mechanism, drivers=(replace(driver, law=table),))
+    system = compile_system(mechanism, unit=mechanism.unit())
+
+    assert dips(system, motion.t[:2], system.to_unit(motion.q[:, :2])).tolist() == [True]
+
+
 def test_what_turns_back_between_times_and_reaches_no_limit_is_answered():
     within = scene("laws-turn-back-together.toml")
     one, two = within.mechanism.drivers

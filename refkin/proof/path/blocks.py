@@ -110,7 +110,9 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
         return np.zeros(len(t) - 1, bool)
     stacked = jacobian[rows].transpose(2, 0, 1)  # a copy
     stacked[np.linalg.slogdet(stacked)[0] == 0.0] = np.nan
-    after = t + np.maximum(MOMENT * np.append(h, h[-1]), np.spacing(np.abs(t)))
+    moment = np.maximum(MOMENT * np.append(h, h[-1]), np.spacing(np.abs(t)))
+    moment[-1] *= -1.0  # a table may end with the last step
+    after = t + moment
     moment = after - t
     with np.errstate(all="ignore"):
         pushed = (system.phi(q, t) - system.phi(q, after))[rows] / moment
