@@ -445,3 +445,11 @@ def test_a_driver_of_another_coordinate_takes_the_row_of_one_that_is_there():
     other = balanced(system, q, 0.0, np.arange(system.m)).with_row(8, 5)
 
     assert np.flatnonzero(other.matrix[8]).tolist() == [5]
+
+
+def test_a_frame_far_from_the_only_joint_point_of_its_body_is_moved_to_it():
+    pin = refkin.Revolute(name="pin", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(1e6, 0.25))
+    motor = refkin.AngleDriver(name="motor", body="b", law=refkin.Polynomial(coefficients=(0.0, 1.0)))
+    mechanism = refkin.Mechanism((refkin.Body(name="b"),), (pin,), (motor,))
+
+    assert recentred(refkin.compile_system(mechanism, unit=mechanism.unit())).shifts.tolist() == [[1e6, 0.0]]

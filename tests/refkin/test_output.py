@@ -394,7 +394,7 @@ def test_a_plot_takes_the_pose_nearest_to_a_time(motion):
     assert motion.plot(motion.t[4] + 0.01).k == 4
     assert motion.plot().k == 0
     assert "FourBar open, t = 0 s:" in repr(motion.plot())
-    assert "FourBar open, 9 poses:" in repr(motion.animate())
+    assert "FourBar open, 9 poses:" in repr(motion.animate(0.5))
     for wrong in (math.nan, math.inf):
         with pytest.raises(refkin.InvalidRequest, match="finite time"):
             motion.plot(wrong)

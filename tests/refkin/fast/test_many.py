@@ -729,3 +729,16 @@ def test_profiles_of_many_cams_may_differ():
     assert many.ok.all()
     heights = 1.0 + amplitudes[:, None] * np.sin(2.0 * (math.pi / 2 - np.array(scene.times)))
     assert np.max(np.abs(many.q[4] - heights)) < 1e-15
+
+
+@pytest.mark.parametrize(("evidence", "codes"), [((), [0, 1]), ((refkin.Evidence.CERTIFICATE,), [0, 0])])
+def test_where_a_law_has_no_digits_a_position_is_ok_only_if_it_is_proved(evidence, codes):
+    """After 2e8 turns a rounding of the law is 2e-7 rad, beyond what a pose is called singular by."""
+    at, turns = 0.3, math.tau * np.array([0.0, 2e8])
+    one = ROCKER.scene(law=Polynomial(coefficients=(at, 1.0)), times=(0.0, 0.1))
+    one = replace(one, effects=frozenset(), evidence=frozenset(evidence))
+    x, y, phi = next(b.estimate for b in one.mechanism.bodies if b.name == "crank")
+    laws = {"driver": {"law": Polynomial(coefficients=(at + turns, 1.0))}}
+    many = solve_many(one, laws, {"crank": (x, y, phi + turns)})
+
+    assert many.codes.tolist() == [[code] * 2 for code in codes]
