@@ -201,7 +201,9 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     """
     unread = [_fault(e).path for e in error.errors(include_url=False)]
     items = [re.fullmatch(r"((?:joint|driver)(?:\[\d+\])?)(?:\.type)?", path) for path in unread]
-    lost = {at(f"{item[1]}.name", data) for item in items if item}
+    places = [item[1] for item in items if item]
+    names = [at(f"{place}.name", data) for place in places]
+    lost = {name if isinstance(name, str) else None for name in names}
     lost |= {None for path in unread if path not in KEYS[""] and isinstance(at(path, data), list) and "[" not in path}
     (file, hidden), (other_file, other_hidden) = (_filled(data, way) for way in (0, 1))
     # Where joints are lost it is not known whom they tie, how many rows they have, and what they are.
@@ -209,6 +211,9 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
     faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
+    # What such a joint lacks was filled in, too.
+    within = tuple(f"{place}." for place in places)
+    faults = [f for f in faults if not f.path.startswith(within) or at(f.path, data) is not None]
     return [*(f for f in hidden if f in other_hidden), *faults]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -353,6 +354,7 @@ def test_a_long_value_is_not_quoted_whole():
         ({"point_i": [0.0, "x", 1.0]}, {"joint[0].point_i", "joint[0].point_i[1]"}),
         ({"type": "revolut", "point_i": [0.0, "x"]}, {"joint[0].type", "joint[0].point_i[1]"}),
         ({"type": "revolut", "pitch": 1.0}, {"joint[0].type"}),
+        ({"type": "revolut", "name": ["pin"]}, {"joint[0].type", "joint[0].name"}),
     ],
 )
 def test_what_cannot_be_read_as_a_whole_is_looked_into(change, paths):
@@ -362,6 +364,16 @@ def test_what_cannot_be_read_as_a_whole_is_looked_into(change, paths):
         parse(data)
 
     assert {fault.path for fault in error.value.faults} == paths
+
+
+def test_of_a_joint_that_cannot_be_read_only_what_stands_in_the_file_is_said():
+    """That its name was '' was said, too, of a name that is not there."""
+    rocker = tomllib.loads((Path(__file__).parents[2] / "examples/crank-rocker.toml").read_text())
+
+    with pytest.raises(InvalidScene) as error:
+        parse({**rocker, "body": "x", "joint": [{}]})
+
+    assert {fault.path for fault in error.value.faults} == {"body", "joint[0].type"}
 
 
 def test_an_integer_beyond_every_float_is_quoted_as_it_stands():
