@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -13,6 +14,7 @@ from flint import arb, ctx
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
 from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.proof.assembly import assembly
 from refkin.proof.assembly.group_poses import GroupPose, Link, moves_of_group
 from refkin.proof.assembly.loci import Circle, Line, meet
 from refkin.proof.assembly.rigid_groups import plan
@@ -218,6 +220,17 @@ def test_poses_are_better_than_any_that_floats_could_find_close_to_a_limit():
 
     assert np.abs(np.subtract(angles, exact)).max() < 4e-16
     assert max(result.radii) < 4e-16
+
+
+def test_what_newton_finds_takes_the_place_of_a_ball_s_middle_only_if_it_closes(monkeypatch):
+    _, middles = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))
+    monkeypatch.setattr(assembly, "closes", lambda system, q, t, allowed=0.0: allowed > 0.0)
+    monkeypatch.setattr(assembly, "position", lambda system, q, t, **_: SimpleNamespace(q=q + 1.0, converged=True))
+
+    _, result = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))
+
+    assert len(result.poses) == 2
+    assert np.array_equal(result.poses, middles.poses)
 
 
 # ---- other dyads
