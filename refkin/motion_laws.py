@@ -9,7 +9,7 @@ A law given as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -53,10 +53,17 @@ class Polynomial(_Everywhere):
     kind: Literal["polynomial"] = "polynomial"
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        coefficients = list(self.coefficients)
-        for _ in range(order):
-            coefficients = [k * c for k, c in enumerate(coefficients)][1:]
-        return _horner(coefficients, t)
+        return _horner(self._derived(order), t)
+
+    def _derived(self, order: int) -> tuple[float, ...]:
+        """Return the coefficients of a derivative."""
+        if order not in self._orders:
+            self._orders[order] = tuple([k * c for k, c in enumerate(self._derived(order - 1))][1:])
+        return self._orders[order]
+
+    @cached_property
+    def _orders(self) -> dict[int, tuple[float, ...]]:
+        return {0: self.coefficients}
 
     def integral(self, t: Any) -> Any:
         """Return sum_k coefficients[k] t^(k+1) / (k+1)."""
@@ -199,7 +206,7 @@ def _through(f: Callable[[Any, int], Any], t: Any) -> Any:
     return f(t, 0)
 
 
-def _horner(coefficients: list[float], t: Any) -> Any:
+def _horner(coefficients: Sequence[float], t: Any) -> Any:
     value = t * 0.0
     for c in reversed(coefficients):
         value = value * t + c

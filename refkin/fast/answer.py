@@ -2,16 +2,11 @@
 
 Nothing here trusts the program. Residuals come from the formulas, singular values from `System`, certificates from a
 program of their own, or from `refkin.proof`; the pose and the rates are what they are asked about.
-
-Of a residual only sines and cosines are others than the library's. On rows they would take half of the time of the
-check: with t = tan(x / 2) and r = 2 / (1 + t^2) they are cos x = r - 1 and sin x = t r, off by at most about 3 units
-2^-53, of which rounding allows the residual 64. A tangent is computed 8 numbers at a time.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,7 +16,9 @@ from refkin.analysis import acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
+from refkin.fast.prepare import Prepared
 from refkin.fast.redundant import by_all_rows
+from refkin.fast.residual import residual
 from refkin.joints import Unit
 from refkin.joints.elements import Triple
 from refkin.joints.spatial_frames import unit_vector
@@ -34,7 +31,6 @@ from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64
 from refkin.system import System
-from refkin.vec import ParameterValue
 
 ROUTE = Route(
     name="program",
@@ -55,17 +51,13 @@ triangular with ones in its diagonal.
 """
 
 
-def motion(
-    scene: Scene, system: System, made: Compiled, t: Any, levels: list[Any], pivot: Any, message: str = ""
-) -> Motion | None:
+def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") -> Motion | None:
     """Return the motion if every sample is beyond doubt, else None.
 
     Parameters
     ----------
-    scene, system, made : Scene, System, Compiled
-        What was solved, and by which program.
-    t : (T,) array
-        Times [s].
+    ready : Prepared
+        What was solved, at T times.
     levels : list of (n, T) array
         Coordinates and rates as far as they are called for, in the system's scaled coordinates.
     pivot : (T,) array
@@ -73,15 +65,16 @@ def motion(
     message : str
         What the motion says.
     """
+    scene, system, t = ready.scene, ready.system, ready.t
     corrected = by_all_rows(system, levels, t) if system.m > system.n else levels
     if corrected is None:
         return None
-    levels, off = corrected, residual(system, corrected[0], t)
+    levels, off = corrected, residual(ready.checked, corrected[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
     levels = without_spin(system, _by_pivots(system, levels, t, np.flatnonzero(~(pivot > CLEAR))))
-    evidence = _evidence(scene, system, made, levels, t, pivot)
+    evidence = _evidence(scene, system, ready.made, levels, t, pivot)
     if evidence is None:
         return None
     sigma_min, condition, radius, covered = evidence
@@ -207,102 +200,3 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> tup
     if any(system.unit.origin):  # moving a pose back to where the scene has it rounds once more
         position = position + np.max(half_ulp(system, levels[0]), axis=0)
     return CertifiedRadius(position=position, velocity=rates[0], acceleration=rates[1]), why
-
-
-def residual(system: System, q: Any, t: Any) -> Any:
-    """Return the largest component of phi in each sample, (B,); NaN where one is.
-
-    Parameters
-    ----------
-    system : System
-    q : (n, B) array
-        Scaled coordinates.
-    t : float or (B,) array
-        Time [s].
-    """
-    if q.shape[1] == 1:  # number by number; NumPy's calls on rows of one take four times as long
-        return np.array([np.max(np.abs(system.phi(q[:, 0], float(np.ravel(t)[0]))))])
-    return residual_of_rows(system, q, t)
-
-
-def residual_of_rows(system: System, q: Any, t: Any) -> Any:
-    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms.
-
-    Parameters
-    ----------
-    system : System
-    q : (n, T) array
-        Poses, in the system's coordinates.
-    t : (T,) array
-        Times [s].
-    """
-    kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
-    turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
-    rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]
-    values: dict[int | None, Any] = {None: kind.values(*(x or _NOTHING for x in kind.still))}
-    values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
-    values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
-    largest = np.zeros(q.shape[1])
-    for row in system.rows(values, t, 0, lambda constraint: constraint.residual):
-        np.maximum(largest, abs(row), out=largest)
-    return largest
-
-
-def without_zeros(system: System) -> System:
-    """Return the system for `residual_of_rows` of many mechanisms: what is 0 in all of them takes no time there."""
-    return replace(system, placed=tuple(replace(p, g=_nothing_for_zero(p.g)) for p in system.placed))
-
-
-def _nothing_for_zero(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple(x if np.any(x) else _NOTHING for x in numbers)
-
-
-class _Nothing:
-    """The number 0 as an arithmetic of its own: NumPy would add it to every number of a row."""
-
-    __array_ufunc__ = None  # a row leaves sums and products with it to it
-
-    def __mul__(self, other: Any) -> Any:
-        return self
-
-    def __add__(self, other: Any) -> Any:
-        return other
-
-    def __sub__(self, other: Any) -> Any:
-        return -other
-
-    def __rsub__(self, other: Any) -> Any:
-        return other
-
-    def __neg__(self) -> Any:
-        return self
-
-    def __abs__(self) -> float:
-        return 0.0
-
-    def cos(self) -> float:
-        return 1.0
-
-    def sin(self) -> Any:
-        return self
-
-    __rmul__, __radd__ = __mul__, __add__
-
-
-_NOTHING = _Nothing()
-
-
-class _Angle(np.ndarray[Any, Any]):
-    """A row of angles that brings its own cosine and sine, as balls do."""
-
-    def cos(self) -> Any:
-        """Return the cosines, and keep what the sines are made of."""
-        self.tangent = np.tan(0.5 * self.view(np.ndarray))
-        square = self.tangent * self.tangent
-        square += 1.0
-        self.ratio = np.divide(2.0, square, out=square)
-        return self.ratio - 1.0
-
-    def sin(self) -> Any:
-        """Return the sines; `cos` was asked before."""
-        return self.tangent * self.ratio

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene
-from refkin.fast.answer import residual_of_rows, without_zeros
 from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.run import Workspace
@@ -27,6 +26,7 @@ from refkin.fast.march import (
     Pose,
     weights,
 )  # fmt: skip
+from refkin.fast.residual import residual_of_rows, without_zeros
 from refkin.fast.sweep import NEAR
 from refkin.joints import initial_contacts
 from refkin.model import Evidence

@@ -11,6 +11,7 @@ import numpy as np
 from refkin.errors import RefkinError
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.program import Program
+from refkin.fast.residual import without_zeros
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
 from refkin.motion import Status
@@ -45,6 +46,11 @@ class Prepared:
         placed = enumerate(self.system.placed)
         with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
             return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+
+    @cached_property
+    def checked(self) -> System:
+        """The system by which residuals are checked: in rows, or number by number at a time alone."""
+        return without_zeros(self.system) if len(self.t) > 1 else self.system
 
     @cached_property
     def extrema(self) -> list[float]:

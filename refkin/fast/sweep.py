@@ -76,6 +76,7 @@ class _Task:
     """What is done for a scene."""
 
     def __init__(self, ready: Prepared) -> None:
+        self.ready = ready
         self.scene, self.system, self.made, self.first = ready.scene, ready.system, ready.made, ready.start
         self.t, self.laws, self.extrema = ready.t, ready.laws, ready.extrema
         self.geometry = [p.g for p in self.system.placed]
@@ -96,7 +97,7 @@ class _Task:
             answer = self._samples(poses)
             if answer is not None and not self._keeps_its_branch(answer[0][0], poses):
                 return None
-        return None if answer is None else motion(self.scene, self.system, self.made, self.t, *answer, self.message)
+        return None if answer is None else motion(self.ready, *answer, self.message)
 
     def _keeps_its_branch(self, q: Any, poses: list[Pose]) -> bool:
         """Whether the steps that their ends say too little of are proved, as the reference's are.

@@ -9,7 +9,7 @@ import pytest
 
 import refkin
 from refkin.fast import answer, attempt, prepared
-from refkin.fast.answer import residual
+from refkin.fast.residual import residual
 from refkin.fast.prepare import Prepared
 from refkin.newton import ROUND_OFF
 

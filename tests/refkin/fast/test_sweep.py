@@ -332,11 +332,11 @@ def test_evidence_is_that_of_the_reference():
 def test_a_pose_whose_loops_are_open_is_no_answer(level, off, first):
     """However fast it goes, if one of many is, nor one without rates; those near a singular pose are solved anew."""
     scene = bare(ROCKER.scene(speed=1e4, samples=5))
-    system, by_reference = system_of(scene), refkin.solve(scene)
-    levels = [system.to_unit(level, order) for order, level in enumerate(by_reference.levels)]
+    ready, by_reference = prepared(scene), refkin.solve(scene)
+    levels = [ready.system.to_unit(level, order) for order, level in enumerate(by_reference.levels)]
     levels[level][4, first:] += off
     levels[1][:, 3] += 1.0
-    result = answer.motion(scene, system, None, by_reference.t, levels, np.array([np.inf, 1.0, 1.0, 1e-4, 1.0]))
+    result = answer.motion(ready, levels, np.array([np.inf, 1.0, 1.0, 1e-4, 1.0]))
 
     assert (result is None) is bool(off)
     assert result is None or result.qd == pytest.approx(by_reference.qd, rel=1e-9, abs=1e-9)
