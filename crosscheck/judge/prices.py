@@ -83,7 +83,7 @@ class EffectRow:
 
 @dataclass(frozen=True)
 class Offer:
-    """What a row offers for so many poses."""
+    """What a row offers for so many poses, and what it takes to build its model [us]: None if that is no part of it."""
 
     engine: str
     method: str
@@ -92,6 +92,7 @@ class Offer:
     microseconds: float
     spread: float | None
     newton_by: str
+    build: float | None = None
 
     @property
     def name(self) -> tuple[str, str]:
@@ -132,7 +133,7 @@ def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits:
         if row["quantity"] != quantity or of_poses["digits"] is None or of_poses["microseconds"] is None:
             continue
         who: dict[str, Any] = {key: row.get(key, "") for key in ("engine", "method", "setting", "newton_by")}
-        offer = Offer(**{**who, **of_poses})
+        offer = Offer(**{**who, **of_poses}, build=row.get("microseconds_to_build"))
         known = best.get(offer.name)
         if offer.digits >= digits and (known is None or offer.microseconds < known.microseconds):
             best[offer.name] = offer

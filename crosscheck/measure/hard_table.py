@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 from crosscheck.engines import EngineError
@@ -133,8 +134,8 @@ def hard_case_rows(
     engines : sequence of str
         What `crosscheck.engines.load` takes, or "refkin" for the reference itself.
     within : float, optional
-        After this many seconds no further case is begun, for any engine; of each kind the nearest come last, and so
-        are left out.
+        After this many seconds no further case is begun, for any engine. Of each kind the nearest case comes first,
+        then the farthest, then what lies between: what is left out is neither the easiest nor the hardest.
     cases : sequence of HardCase, optional
         All by default; each must be one of them.
     findings : sequence of Finding, optional
@@ -211,10 +212,19 @@ def unexplained(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 
 def _in_turn_by_kind(cases: Sequence[HardCase]) -> list[HardCase]:
-    """Return the first of every kind, then the second of every kind and so on."""
-    place: dict[str, int] = {}
-    numbered = []
+    """Return the nearest of every kind, then the farthest of every kind, and so on: the widest gap is halved next."""
+    kinds: dict[str, list[HardCase]] = {}
     for case in cases:
-        place[case.case] = place.get(case.case, -1) + 1
-        numbered.append((place[case.case], case))
-    return [case for _, case in sorted(numbered, key=lambda pair: pair[0])]
+        kinds.setdefault(case.case, []).append(case)
+    ordered = [[kind[k] for k in spread(len(kind))] for kind in kinds.values()]
+    return [kind[turn] for turn in range(max(map(len, ordered), default=0)) for kind in ordered if turn < len(kind)]
+
+
+def spread(count: int) -> list[int]:
+    """Return the numbers below a count: the last, the first, then always the middle of the widest gap."""
+    taken = list(dict.fromkeys((count - 1, 0)))[:count]
+    while len(taken) < count:
+        known = sorted(taken)
+        low, high = max(pairwise(known), key=lambda gap: gap[1] - gap[0])
+        taken.append((low + high) // 2)
+    return taken

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from crosscheck.judge.prices import Offer
+from crosscheck.judge.prices import Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.measured import VERDICTS
-from crosscheck.report.prices import cheapest, main_class
+from crosscheck.report.prices import main_class
 from crosscheck.report.svg import Style
 from crosscheck.report.wording import count, number
 
@@ -23,28 +23,26 @@ SERIOUS = (None, "", "defect")
 def first_table(report: Report) -> list[dict[str, Any]]:
     """Return a row per engine and method: digits, price, what was wrong without a word.
 
-    The price is that of the engine's best method, whichever it is, as in all that is said of its price.
-    After them come the methods of shipped defaults that no drawn scene is sent through, as users run them: their digits
-    are the most that the price list has of them.
+    The price is that of the row's own method over one cycle: what is cheaper is no price of these digits. After
+    them come the methods of shipped defaults that no drawn scene is sent through, as users run them: their digits are
+    the most that the price list has of them.
     """
     prices = report["price"] or []
-    best = best_methods(prices)
-    priced = {row["engine"] for row in prices}
+    paid = {offer.name: offer.microseconds for offer in _offers(prices)}
+    priced = {(row["engine"], row["method"]) for row in prices}
     of_methods = {(row["engine"], row["method"]): row for row in report["methods"]}
     rows = []
     for engine, methods in report["engines"].items():
         for method, quantities in methods.items():
             made = of_methods.get((engine, method), {})
             silent, seriousness = _silent(report, engine, method, made)
-            paid = best.get(engine)
             rows.append(
                 {
                     "engine": engine,
                     "method": method,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
-                    "price": made.get("microseconds_median") if not prices else paid and paid.microseconds,
-                    "priced_method": paid.method if paid and paid.method != method else "",
-                    "priced": engine in priced or not prices,
+                    "price": paid.get((engine, method)) if prices else made.get("microseconds_median"),
+                    "priced": (engine, method) in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
                     "asked": True,
@@ -66,15 +64,16 @@ def _as_shipped(report: Report, engine: str, methods: Sequence[str]) -> list[dic
         best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
         silent, seriousness = _silent(report, engine, method, {})
         row = {"engine": engine, "method": method, "cells": [{"best": digits, "samples": 0} for digits in best]}
-        said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False, "priced_method": ""}
+        said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False}
         newton_by = priced[0].get("newton_by") if priced else None
         rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
     return rows
 
 
-def best_methods(prices: Sequence[Mapping[str, Any]]) -> dict[str, Offer]:
-    """Return, per engine, its cheapest method with nine digits of acceleration, cheapest first."""
-    return cheapest(prices, "acceleration", GOAL, main_class(prices))
+def _offers(prices: Sequence[Mapping[str, Any]]) -> list[Offer]:
+    """Return the cheapest setting of each method with nine digits of acceleration over one cycle, cheapest first."""
+    of_class = [row for row in prices if row["scene_class"] == main_class(prices)]
+    return offers(of_class, "cycle", "acceleration", GOAL)
 
 
 def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,7 +97,9 @@ def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -
     if wrong:
         answered = sum(row["verdict"] in ANSWERED for row in cases)
         classes = ", ".join(dict.fromkeys(row["class"] or "not explained" for row in wrong))
-        parts.append(f"{len(wrong)} of {answered} hard cases that it answers ({classes})")
+        asked, of = _asked(cases)
+        few = f", of {asked} of {of} asked" if asked < of else ""
+        parts.append(f"{len(wrong)} of {answered} hard cases that it answers{few} ({classes})")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
     return "; ".join(parts), "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
 
@@ -106,7 +107,7 @@ def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -
 def answer(report: Report) -> str:
     """Return the sentence that names the cheapest way to nine digits of acceleration; empty without a price list."""
     prices = report["price"] or []
-    ordered = list(best_methods(prices).values())
+    ordered = _offers(prices)
     if not ordered:
         return "No method reaches nine digits of acceleration." if prices else ""
     cheapest_method = _paid(ordered[0])
@@ -146,8 +147,8 @@ def folds(report: Report) -> dict[str, str]:
     if nights:
         kept = f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
     return {
-        "price": _rows_line(report["price"], "settings priced"),
-        "effects": _rows_line(report["effects"], "effects priced"),
+        "price": _price_line(report["price"]),
+        "effects": _effects_line(report["effects"]),
         "hard_cases": _hard_line(report["hard_cases"]),
         "features": _features_line(report["features"]),
         "disagreements": f"{count(report['new_disagreements'])} new, {count(report['known_disagreements'])} known",
@@ -171,8 +172,21 @@ def _features_line(rows: Any) -> str:
     return f"{len(rows)} asked, {wrong} of them wrong, {new} of these new"
 
 
-def _rows_line(rows: Any, what: str) -> str:
-    return "not measured in this run" if not rows else f"{len(rows)} {what}"
+def _price_line(rows: Any) -> str:
+    if not rows:
+        return "not measured in this run"
+    settings, classes = {(r["engine"], r["method"], r["setting"]) for r in rows}, {r["scene_class"] for r in rows}
+    timed = [r["spread"] for r in rows if r["microseconds"] is not None]
+    once = f"{timed.count(None)} of {len(timed)} prices by a single call"
+    return f"{len(settings)} settings on scenes of {len(classes)} classes; {once}"
+
+
+def _effects_line(rows: Any) -> str:
+    if not rows:
+        return "not measured in this run"
+    priced = [r for r in rows if r["microseconds"] is not None]
+    noise = sum(r["microseconds"] <= (r.get("spread") or 0.0) for r in priced)
+    return f"{len(priced)} of {len(rows)} effects priced, {noise} of them within noise"
 
 
 def _hard_line(rows: Any) -> str:
@@ -180,8 +194,13 @@ def _hard_line(rows: Any) -> str:
         return "not measured in this run"
     counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
     verdicts = ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
-    asked, of = len({(r["case"], r.get("distance")) for r in rows}), max(r.get("of", 0) for r in rows)
+    asked, of = _asked(rows)
     return f"{asked} of {of} cases, the same for all: {verdicts}" if asked < of else verdicts
+
+
+def _asked(rows: Sequence[Mapping[str, Any]]) -> tuple[int, int]:
+    """Return of how many hard cases there are rows, and how many cases there are."""
+    return len({(r["case"], r.get("distance")) for r in rows}), max(r.get("of", 0) for r in rows)
 
 
 def _slopes_line(report: Report) -> str:

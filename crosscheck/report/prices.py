@@ -10,7 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.judge.prices import STEPS, EffectRow, Offer, offers
+from crosscheck.judge.prices import POSES, STEPS, EffectRow, Offer, offers
+from crosscheck.judge.prices import cheapest as winners
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, power_of_ten, style, swatch
@@ -30,21 +31,21 @@ def main_class(rows: Sequence[Row]) -> str | None:
     return PREFERRED if PREFERRED in classes else next(iter(classes), None)
 
 
-def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[str, Offer]:
-    """Return, per engine, its best offer with enough digits over one cycle, the cheapest first.
+def cheapest(rows: Iterable[Row], quantity: str, goal: float, poses: str = "cycle") -> dict[str, Offer]:
+    """Return, per engine, its best offer with enough digits, the cheapest first.
 
     Parameters
     ----------
-    rows : sequence of mapping
-        Of a price list.
+    rows : iterable of mapping
+        Of a price list, all of one class of scenes.
     quantity : str
     goal : float
         Digits that an offer has at least.
-    scene_class : str or None
-        Which rows count.
+    poses : str
+        Of how many: one of `crosscheck.judge.prices.POSES`.
     """
     best: dict[str, Offer] = {}
-    for offer in offers([row for row in rows if row["scene_class"] == scene_class], "cycle", quantity, goal):
+    for offer in offers(rows, poses, quantity, goal):
         best.setdefault(offer.engine, offer)
     return best
 
@@ -70,18 +71,22 @@ def frontier(rows: Sequence[Row]) -> list[Row]:
 
 
 def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return a table per class of scenes and quantity: engine x digits -> its cheapest setting, or None."""
+    """Return a table per class of scenes and quantity: who asks -> digits -> the cheapest way, and each engine's.
+
+    Who asks needs one pose now, one cycle, or a thousand poses and more. With the cheapest way comes the best of
+    another method, and whether it costs more than the spread of both leaves open.
+    """
     tables = []
     for scene_class in dict.fromkeys(row["scene_class"] for row in rows):
-        for quantity in SOLVED:
-            best = {goal: cheapest(rows, quantity, goal, scene_class) for goal in STEPS}
-            engines = dict.fromkeys(
-                r["engine"] for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)
-            )
-            least = {g: min((offer.microseconds for offer in paid.values()), default=None) for g, paid in best.items()}
-            lines = [(engine, [(best[g].get(engine), least[g]) for g in STEPS]) for engine in engines]
-            if lines:
-                tables.append({"scene_class": scene_class, "quantity": quantity, "lines": lines})
+        of_class = [row for row in rows if row["scene_class"] == scene_class]
+        best, engines = winners(of_class), dict.fromkeys(row["engine"] for row in of_class)
+        for quantity in best["cycle"]:
+            users = []
+            for poses, name in POSES.items():
+                paid = [cheapest(of_class, quantity, goal, poses) for goal in STEPS]
+                lines = [(engine, [offers.get(engine) for offers in paid]) for engine in engines]
+                users.append((name, list(best[poses][quantity].values()), lines))
+            tables.append({"scene_class": scene_class, "quantity": quantity, "users": users})
     return tables
 
 
@@ -262,6 +267,11 @@ def effects_figure(rows: Sequence[Row]) -> Figure:
     panels = (effects_bars(ledger),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes the answer", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}
-    keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
-    lines = tuple(tuple(changes[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
+    lines = tuple(
+        (
+            *(row.engine, row.method, row.effect, "within noise" if row.within_noise else row.microseconds),
+            *(changes[row.inert], row.largest_change, row.note),
+        )
+        for row in ledger
+    )
     return Figure(panels, (), head, lines)

@@ -10,7 +10,7 @@ from types import SimpleNamespace as Plain
 import pytest
 
 import refkin
-from crosscheck.measure.hard_table import hard_case_rows
+from crosscheck.measure.hard_table import hard_case_rows, spread
 from crosscheck.night import hunting
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.measured import measured
@@ -92,6 +92,14 @@ def test_rows_in_the_time_there_is_are_of_every_kind_first():
     counts = {case: sum(row["case"] == case for row in rows) for case in {row["case"] for row in rows}}
 
     assert max(counts.values()) - min(counts.values()) <= 6
+
+
+@pytest.mark.parametrize(
+    ("count", "order"), [(0, []), (1, [0]), (2, [1, 0]), (3, [2, 0, 1]), (5, [4, 0, 2, 1, 3]), (6, [5, 0, 2, 3, 1, 4])]
+)
+def test_of_a_kind_the_nearest_and_the_farthest_are_asked_before_what_lies_between(count, order):
+    """The nearest came last: what a short night left out were the hardest cases of all."""
+    assert spread(count) == order
 
 
 def test_a_hunt_finds_a_planted_error_and_in_which_scene():

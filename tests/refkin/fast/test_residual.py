@@ -9,8 +9,8 @@ import pytest
 
 import refkin
 from refkin.fast import answer, attempt, prepared
-from refkin.fast.residual import residual
 from refkin.fast.prepare import Prepared
+from refkin.fast.residual import residual
 from refkin.newton import ROUND_OFF
 
 SCENES = {
