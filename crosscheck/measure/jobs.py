@@ -11,8 +11,9 @@ from crosscheck.engines import Engine, load
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.records import Cause, Record
 from crosscheck.measure.check import check, ended, key_of
-from crosscheck.scenes.drawing import describe, draw
+from crosscheck.scenes.drawing import WELL_KNOWN, describe, draw, shortened
 from crosscheck.scenes.names import pairs_of
+from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
 from crosscheck.workers.processes import Failure, FailureKind, preload
 from refkin.model import Scene
@@ -24,7 +25,8 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
 
     A job holds the data of a scene's file under `scene`, and perhaps `about`; or the seed of a night under `night` and
     the numbers of scenes under `shards`. Of those the one is drawn that adds most: the pairs of its features were met
-    least often, as `seen` (pair -> how often) has it.
+    least often, as `seen` (pair -> how often) has it. It has fewer times (`shortened`) if that adds next to nothing, or
+    if the job says so.
     """
     if "scene" in job:
         return parse(job["scene"]), dict(job.get("about", {}))
@@ -34,7 +36,16 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     # how much of each is new: 1 for a pair of features not met yet, 1/2 for one met once, and so on
     new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
     best = new.index(max(new))
-    return scenes[best][0].scene, about[best]
+    scene, known = scenes[best][0].scene, about[best]
+    if job.get("shortened", _adds_nothing(known, seen)):
+        return shortened(scene), {**known, "shortened": True}
+    return scene, known
+
+
+def _adds_nothing(about: Mapping[str, Any], seen: Mapping[str, int]) -> bool:
+    """Whether a scene keeps away from singular poses, and every two of its features were met often enough."""
+    least = min((seen.get(pair, 0) for pair in pairs_of(about)), default=0)
+    return about.get("hardness") == Hardness.REGULAR and not about["of_features"] and least >= WELL_KNOWN
 
 
 def check_job(job: Mapping[str, Any]) -> Record | Failure:

@@ -41,7 +41,7 @@ from crosscheck.night.plan import (
     write_outcome,
 )
 from crosscheck.scenes.conformance import questions
-from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
+from crosscheck.scenes.drawing import draw, is_chain, numbers_of, shortened, turn_of
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
@@ -164,7 +164,7 @@ class Turns:
 
     def __init__(self, journal: Journal) -> None:
         self.done: dict[int, str] = {}
-        self.numbers: dict[int, str] = {}
+        self.drawn: dict[int, tuple[str, bool]] = {}
         self.pairs: dict[int, Counter[str]] = {}
         self._seen: dict[int, dict[str, int]] = {}
         self.pending: set[int] = set()
@@ -185,7 +185,7 @@ class Turns:
         """Note that a scene has its record."""
         number = int(record.about["shard"] or 0)
         turn = turn_of(number)
-        self.numbers[number] = record.key
+        self.drawn[number] = record.key, bool(record.about.get("shortened"))
         self.done[turn] = record.key
         self.pending.discard(turn)
         self.pairs.setdefault(turn // ROUND, Counter()).update(pairs_of(record.about))
@@ -311,9 +311,10 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {versions}: choose another folder")
     if turns.runs - {of_run(plan.seed, outcome.versions)}:
         raise OtherRun(f"{plan.out} holds records of another run: choose another folder")
-    numbers = sorted(turns.numbers)
+    numbers = sorted(turns.drawn)
     for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
-        if key_of(draw(plan.seed, number).scene) != turns.numbers[number]:
+        (key, few), scene = turns.drawn[number], draw(plan.seed, number).scene
+        if key_of(shortened(scene) if few else scene) != key:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
     made = {
         **{k: v for k, v in asdict(plan).items() if k not in ("out", "baseline")},

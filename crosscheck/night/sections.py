@@ -117,8 +117,13 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
     """
     records = (record for _, record in read_records(folder / "records.jsonl") if not isinstance(record, Unreadable))
     drawn = (record for record in records if "shard" in record.about)
-    drawings = pictures(drawn, lambda r: {"night": seed, "shards": [r.about["shard"]]}, engines, seconds)
+    drawings = pictures(drawn, lambda r: job_of(seed, r), engines, seconds)
     replace_file(folder / PICTURES, json.dumps(drawings, allow_nan=False) + "\n")
+
+
+def job_of(seed: int, record: Record) -> Job:
+    """Return what the scene of a night's record is drawn from."""
+    return {"night": seed, "shards": [record.about["shard"]], "shortened": bool(record.about.get("shortened"))}
 
 
 def pictures(

@@ -191,7 +191,8 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
     laws = sorted({law for counts in by_joints.values() for law in counts})
     tables = {"by_joints": by_joints, "by_driver": by_driver}
     rows = {name: [(row, [t[row][law] for law in laws]) for row in sorted(t)] for name, t in tables.items()}
-    return {"laws": laws, "cells": report["cells"], "once": report["once"], "pairs": report["pairs"], **rows}
+    counts = {name: report[name] for name in ("cells", "once", "shortened", "pairs")}
+    return {"laws": laws, **counts, **rows}
 
 
 def _value(name: str, value: str) -> str:

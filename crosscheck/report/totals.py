@@ -15,7 +15,7 @@ from crosscheck.scenes.names import CELL, cell_of, decade, features_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
-NOT_PROPERTIES = ("shard",)
+NOT_PROPERTIES = ("shard", "shortened")
 """What the generator says about a scene to find it again, not to describe it."""
 OTHERS = "others"
 
@@ -84,12 +84,14 @@ class Together:
         self.cells: Counter[tuple[str, ...]] = Counter()
         self.values: dict[str, set[str]] = {}
         self.pairs: Counter[tuple[tuple[str, str], tuple[str, str]]] = Counter()
+        self.shortened = 0
 
     def add(self, about: Mapping[str, Any]) -> None:
         """Count one scene, if it was drawn."""
         cell = cell_of(about)
         if cell is not None:
             self.cells[cell] += 1
+        self.shortened += about.get("shortened", False)
         features = features_of(about)
         for name, value in features:
             self.values.setdefault(name, set()).add(value)
@@ -98,13 +100,16 @@ class Together:
     def described(self) -> dict[str, Any]:
         """Return the features, how many cells were met and how many only once, and every cell, the rarest last.
 
+        `shortened` is how many scenes were checked at the first part of their times.
+
         `pairs` has, per two kinds of features, how many of all their pairs were met, how many there are, and how many
         were met only once; and by name those that were not met.
         """
         rows = [[*cell, scenes] for cell, scenes in sorted(self.cells.items(), key=lambda item: (-item[1], item[0]))]
         once = sum(scenes == 1 for scenes in self.cells.values())
         pairs = [self._pairs(a, b) for a, b in combinations(sorted(self.values), 2)]
-        return {"features": list(CELL), "cells": len(rows), "once": once, "rows": rows, "pairs": pairs}
+        counts = {"cells": len(rows), "once": once, "shortened": self.shortened}
+        return {"features": list(CELL), **counts, "rows": rows, "pairs": pairs}
 
     def _pairs(self, a: str, b: str) -> dict[str, Any]:
         every = [((a, x), (b, y)) for x in sorted(self.values[a]) for y in sorted(self.values[b])]

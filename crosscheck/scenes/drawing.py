@@ -9,6 +9,7 @@ third as many different linkages.
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -58,6 +59,9 @@ there."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
 CANDIDATES = 2
+WELL_KNOWN, PART = 10, 4
+"""A scene that keeps away from singular poses, every two of whose features a night has met so often, is checked at the
+first of so many parts of its times: the night moves on to what it knows less of, or what is near a singular pose."""
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind. The simplest ticket, 0, has no scene:
@@ -254,6 +258,11 @@ def _unevenly(drawn: Drawn) -> Drawn:
     first, whole = times[0], times[-1] - times[0]
     moved = (t if t in (first, times[-1]) else first + (t - first) * (1.0 + (t - first) / whole) / 2.0 for t in times)
     return replace(drawn, scene=replace(drawn.scene, times=tuple(moved)))
+
+
+def shortened(scene: Scene) -> Scene:
+    """Return a scene at the first part of its times, which are as near to each other as before."""
+    return replace(scene, times=scene.times[: math.ceil(len(scene.times) / PART)])
 
 
 def effort(scene: Scene) -> int:

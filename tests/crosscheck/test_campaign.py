@@ -17,13 +17,25 @@ from typing import Any
 import pytest
 
 import refkin
-from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, read_records
+from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, line_of, read_records
 from crosscheck.measure import jobs
+from crosscheck.measure.check import key_of
 from crosscheck.night import campaign, disagreements
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
-from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
+from crosscheck.night.sections import job_of
+from crosscheck.scenes.drawing import (
+    CHAINS_EVERY,
+    WARM_UP,
+    WELL_KNOWN,
+    describe,
+    draw,
+    effort,
+    is_chain,
+    numbers_of,
+    turn_of,
+)
 from crosscheck.scenes.names import FEATURES, pairs_of
 from crosscheck.workers.pool import find_engines
 
@@ -206,6 +218,38 @@ def test_of_two_scenes_that_with_more_pairs_of_features_not_met_yet_is_checked(m
     assert number == 0
     assert "driver angle & law table" in seen
     assert jobs.scene_of({"night": 1, "shards": (0, 7), "seen": seen})[0] == 7
+
+
+def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_times_and_drawn_so_again():
+    """And one that goes near a singular pose never: there a night looks longest."""
+    told = {k: describe(draw(3, k)) for k in range(40)}
+    plain, near = (next(k for k in told if told[k]["hardness"] == name) for name in ("regular", "limit"))
+    seen = dict.fromkeys([pair for about in told.values() for pair in pairs_of(about)], WELL_KNOWN)
+    asked = {k: {"night": 3, "shards": (k,), "seen": seen} for k in (plain, near)}
+    scene, about = jobs.scene_of(asked[plain])
+    once, _ = jobs.scene_of({**asked[plain], "seen": {**seen, pairs_of(told[plain])[0]: WELL_KNOWN - 1}})
+
+    assert scene.times == once.times[: len(scene.times)]
+    assert 4 * len(scene.times) == len(once.times) == 72
+    assert about == {**told[plain], "shard": plain, "shortened": True}
+    assert jobs.scene_of(asked[near])[0] == draw(3, near).scene
+    assert jobs.scene_of(job_of(3, replace(typed(record("a")), about=about)))[0] == scene
+
+
+def test_a_run_with_a_scene_at_fewer_times_is_resumed_and_one_that_only_says_so_is_not(tmp_path):
+    run(plan(tmp_path, scenes=2))
+    path = tmp_path / "records.jsonl"
+    with Journal(path) as journal:
+        records = list(journal)
+    few = [jobs.scene_of({"night": NIGHT, "shards": [r.about["shard"]], "shortened": True}) for r in records]
+    said = [replace(r, about=about) for r, (_, about) in zip(records, few, strict=True)]
+    right = [replace(r, key=key_of(scene)) for r, (scene, _) in zip(said, few, strict=True)]
+    path.write_bytes(b"".join(line_of(r) + b"\n" for r in right))
+    assert run(plan(tmp_path, scenes=2)).checked == 2
+
+    path.write_bytes(b"".join(line_of(r) + b"\n" for r in said))
+    with pytest.raises(OtherRun, match="whose scenes are not drawn any more"):
+        run(plan(tmp_path, scenes=2))
 
 
 def test_what_is_drawn_does_not_depend_on_which_records_of_the_last_rounds_came_first(tmp_path):
