@@ -23,8 +23,20 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.errors import expect
 from refkin.joints import initial_contacts, polar_cams
-from refkin.model import Effect, Scene
-from refkin.motion import SINGULAR, ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius, point_motion
+from refkin.model import Effect, Evidence, Scene
+from refkin.motion import (
+    SINGULAR,
+    CertifiedRadius,
+    ContactMotion,
+    Motion,
+    Producer,
+    Route,
+    Seeding,
+    Status,
+    no_radius,
+    nowhere,
+    point_motion,
+)
 from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton, solve_linear
 from refkin.system import System, compile_system
 
@@ -201,6 +213,10 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
     def called_for(rows: Any) -> list[Any]:
         return [level[rows] if want else None for level, want in zip(levels, wanted, strict=True)]
 
+    radii = zip(vars(evidence["certified_radius"]).items(), wanted, strict=True)
+    asked = Evidence.CERTIFICATE in scene.evidence
+    kept = {name: radius if asked and want else nowhere(len(t)) for (name, radius), want in radii}
+    evidence["certified_radius"] = CertifiedRadius(**kept)
     points, contacts = {}, {}
     for point in scene.points:
         at = system.columns(point.body)

@@ -17,9 +17,9 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.motion import SINGULAR
 from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
-from refkin.proof.numbers.extrema import extrema_of
+from refkin.proof.numbers.extrema import LISTED, extrema_of
 from refkin.proof.path.curve import are_poses
-from refkin.solving.passages import OFTEN
+from refkin.solving.passages import OFTEN, turning_points
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, LEAST, NEAR, SHORT, SPREAD, before, neville
 from refkin.solving.sweep import ALONE, Sweep
 from refkin.system import System
@@ -248,10 +248,16 @@ def _targets(sweep: Sweep, times: Sequence[float]) -> tuple[Any, Any]:
     ends = np.append(sweep.t[-1], times)
     close = 4 * EPS * np.abs(ends).max()
     constraints = sweep.system.mechanism.constraints
-    turning = np.array(extrema_of(constraints, ends[0] + close, ends[-1] - close))
+    turning = np.array(extrema_of(constraints, ends[0], ends[-1]))
+    if len(turning) > LISTED:  # not all of them are known
+        return ends[:0], turning[:0]
     interval = np.searchsorted(ends, turning) - 1
-    turning = turning[np.minimum(turning - ends[interval], ends[interval + 1] - turning) > close]
-    often = np.flatnonzero(np.bincount(interval, minlength=1) > OFTEN)
+    near = np.minimum(turning - ends[interval], ends[interval + 1] - turning) <= close
+    counts = np.bincount(interval, minlength=1)
+    # What happens within the last digits of a time is left to the sweep.
+    for k in set(interval[near].tolist()):
+        counts[k] += OFTEN * bool(turning_points(sweep.system, ends[k], ends[k + 1])[1])
+    turning, often = turning[~near], np.flatnonzero(counts > OFTEN)
     end = ends[often[0]] if often.size else ends[-1]
     return ends[1:][ends[1:] <= end], turning[turning < end]
 

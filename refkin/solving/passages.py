@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import position, sigma_min
+from refkin.differences import EPS
 from refkin.joints import polar_cams
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
-from refkin.proof.numbers.extrema import extrema, hides, sign_changes
+from refkin.proof.numbers.extrema import extrema, extrema_of, hides, sign_changes
 from refkin.proof.path.blocks import Blocks, diagonal_blocks, dips
 from refkin.system import System, compile_system
 
@@ -34,6 +35,8 @@ COUNTING = ({"angle by a law"}, {"rolling wheels"})
 """The elements of those constraints whose rows count the turns of an angle: an angle driver's, a gear's."""
 CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
+LITTLE = 1e-12
+"""What a law may do within the last digits of a time without a step of its own, unless it is rounding [sizes, rad]."""
 SAME = 1e-9
 """How far poses of one assembly may lie apart that were found by different ways [sizes, rad]."""
 
@@ -56,6 +59,21 @@ def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     ]
     first = len(mechanism.joints)
     return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
+
+
+def turning_points(system: System, a: float, b: float) -> tuple[list[float], list[float]]:
+    """Return the times at which laws turn back between a and b, in order, and those too near to a or b for a step.
+
+    What a law does within a few of the last digits of a time is only left out where it does next to nothing there.
+    """
+    constraints = system.mechanism.constraints
+    close, near = 4 * EPS * max(abs(a), abs(b)), list[float]()
+    turning = extrema_of(constraints, a, b)
+    for t in (t for t in turning if not a + close < t < b - close):
+        end = a if t <= a + close else b
+        laws = [(law(t), law(end), c.law_scale(system.unit)[1]) for c in constraints for law in c.laws]
+        near += [t] if any(abs(x - y) > max(16 * EPS * abs(y), LITTLE * size) for x, y, size in laws) else []
+    return [t for t in turning if a + close < t < b - close], near
 
 
 def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: bool = True) -> list[int]:

@@ -20,10 +20,10 @@ from refkin.analysis import sigma_min
 from refkin.differences import EPS
 from refkin.motion import SINGULAR
 from refkin.newton import TINY
-from refkin.proof.numbers.extrema import extrema, extrema_of
+from refkin.proof.numbers.extrema import LISTED, extrema
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.passages import OFTEN, Winding, over_a_range, unseen
+from refkin.solving.passages import OFTEN, Winding, over_a_range, turning_points, unseen
 from refkin.solving.steps import CLEAR, Steps
 from refkin.system import EVERYTHING, System
 
@@ -90,9 +90,13 @@ class Sweep(Steps):
         """
         if len(self.t) == 1:
             self._set_out(target)
-        start, close = self.t[-1], 4 * EPS * max(abs(self.t[-1]), abs(target))
-        turning = extrema_of(self.system.mechanism.constraints, start + close, target - close)
-        if len(turning) > OFTEN and not self.singular and (q := over_a_range(self, target, turning)) is not None:
+        start = self.t[-1]
+        turning, hidden = turning_points(self.system, start, target)
+        if hidden:
+            self.why = f"t has no more digits: a law turns back at t = {hidden[0]:.17g}, next to a time asked for"
+            return Arrival.OUT_OF_STEPS
+        often = OFTEN < len(turning) <= LISTED
+        if often and not self.singular and (q := over_a_range(self, target, turning)) is not None:
             self._jump(q, target)
             return Arrival.REACHED
         if len(turning) > MOST_EXTREMA:

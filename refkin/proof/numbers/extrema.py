@@ -19,8 +19,8 @@ import numpy as np
 from refkin.joints import Constraint
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 
-MOST = 100_000
-"""Extrema of a law that are listed; nobody steps through more."""
+LISTED = 100_000
+"""Extrema of a law that are listed; nobody steps through more. A list that is longer holds some times of many more."""
 
 
 def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[float]:
@@ -49,7 +49,7 @@ def drives_a_distance(constraint: Constraint) -> bool:
 
 
 def extrema(law: Law, a: float, b: float) -> list[float]:
-    """Return where the rate of a law changes its sign between a and b, in order; `MOST` of them at most.
+    """Return where the rate of a law changes its sign between a and b, in order; if at more than `LISTED`, more times.
 
     Parameters
     ----------
@@ -112,7 +112,8 @@ def zeros(law: Law, a: float, b: float) -> list[float]:
         value = Signs(law)
     if isinstance(law, Table):
         value = _Spline.of(law).value
-    return sign_changes(value, [a, *extrema(law, a, b), b])
+    turning = extrema(law, a, b)
+    return turning if len(turning) > LISTED else sign_changes(value, [a, *turning, b])
 
 
 def derivative(law: Polynomial) -> Polynomial:
@@ -147,7 +148,9 @@ def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
     first, last = sorted((w * end + law.phase) / math.pi - 0.5 for end in (a, b))
     if not w * law.amplitude or not math.isfinite(last - first) or math.floor(last) < math.ceil(first):
         return []
-    numbers = float(math.floor(first)) + np.arange(min(math.ceil(last) - math.floor(first) + 1, MOST))
+    numbers = float(math.floor(first)) + np.arange(
+        min(math.ceil(last) - math.floor(first) + 1, LISTED + 3)
+    )  # two may lie outside
     return _inside(np.sort((math.pi * (numbers + 0.5) - law.phase) / w), a, b)
 
 
@@ -156,8 +159,10 @@ def _of_spline(law: Table, a: float, b: float) -> list[float]:
     places, length = spline.monotone, law.argument[-1] - first
     if law.periodic:
         before, after = (math.floor((end - first) / length) for end in (a, b))
-        turns = before + np.arange(min(after - before + 1, 1 + MOST // len(places)))
+        turns = before + np.arange(min(after - before + 1, 3 + LISTED // (len(places) - 1)))  # two may lie outside
         places = np.unique(places + length * turns[:, None])
+        if len(turns) <= after - before:
+            return _inside(places, a, b)
     return sign_changes(spline.rate, [a, *_inside(places, a, b), b])
 
 
@@ -225,5 +230,5 @@ def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> f
 
 
 def _inside(times: Any, a: float, b: float) -> list[float]:
-    inside: list[float] = times[(a < times) & (times < b)][:MOST].tolist()
+    inside: list[float] = times[(a < times) & (times < b)][: LISTED + 1].tolist()
     return inside

@@ -106,7 +106,7 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
     _, here = parts.each_of_batch(jacobian)
     with np.errstate(invalid="ignore"):
         changing = np.ptp(here, axis=0) > MOMENT
-    if np.count_nonzero(changing) < 2:  # one loop alone, which no other moves
+    if not np.any(changing):
         return np.zeros(len(t) - 1, bool)
     stacked = jacobian[rows].transpose(2, 0, 1)  # a copy
     stacked[np.linalg.slogdet(stacked)[0] == 0.0] = np.nan
@@ -120,8 +120,7 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
         rates = (parts.each_of_batch(system.phi_q(later, after))[1] - here) / moment[:, None]
         rise = np.exp(here[1:] - here[:-1])  # the determinant at the end of a step, that at its start being 1
         falls, rises = rates[:-1] * h[:, None], rise * rates[1:] * h[:, None]
-        least = 1.0 + falls * (rise - rises - 1.0) / (falls - rises)
-        return ((falls < 0.0) & (rises > 0.0) & (least <= NEAR_ZERO * np.minimum(1.0, rise))).any(axis=1)
+        return (np.minimum(1.0 + falls, rise - rises) <= NEAR_ZERO * np.minimum(1.0, rise)).any(axis=1)
 
 
 def diagonal_blocks(pattern: Any) -> list[tuple[Any, Any]]:

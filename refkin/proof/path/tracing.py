@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.extrema import extrema_of
+from refkin.proof.numbers.extrema import LISTED, extrema_of
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import Crossing, Curve, crossing
 
@@ -196,7 +196,10 @@ class Tracer:
     def _touches(self, x: Any, new: Any) -> bool:
         """Whether a law turns back between two points where another curve is: they touch, and no sign changes."""
         times = sorted(float(y[-1] * self.curve.scale[-1]) for y in (x, new))
-        for t in extrema_of(self.curve.system.mechanism.constraints, *times):
+        turning = extrema_of(self.curve.system.mechanism.constraints, *times)
+        if len(turning) > LISTED:
+            return True
+        for t in turning:
             part = (t / self.curve.scale[-1] - x[-1]) / (new[-1] - x[-1])
             there = self.curve.corrected(x + part * (new - x), _along_t(len(x)))
             if not (there.converged and self.curve.clearance(there.q) > SAME):
