@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from crosscheck.judge.delivery import NARROWED, _falls, _minima, _narrowed, _wit
 from crosscheck.judge.records import Cause
 from crosscheck.measure import check as checking
 from crosscheck.measure.check import REGULAR, check
-from refkin import FourBar
+from refkin import FourBar, Polynomial
 from refkin.motion import Status
 
 CORPUS = Path(__file__).parents[1] / "corpus"
@@ -81,6 +82,16 @@ def test_a_minimum_is_narrowed_as_long_as_it_may_be_the_side_of_a_smaller_one(fl
 def test_no_answer_is_a_fault_but_where_the_motion_all_but_meets_a_singular_pose(scene, blamed):
     assert kinds(scene, Mute()) == blamed
     assert kinds(scene, Short()) == blamed
+
+
+@pytest.mark.parametrize(("longer", "sigma", "blamed"), [(1.7e-7, 0.95e-4, set()), (2.1e-7, 1.06e-4, {"no answer"})])
+def test_a_pose_excuses_up_to_a_ten_thousandth_of_sigma_min(longer, sigma, blamed):
+    """By how much the longest link of a change point is off says how near to singular it passes."""
+    law = Polynomial(coefficients=(math.pi, 1.0))
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + longer).scene(law=law, times=(-0.5, 0.0, 0.5))
+
+    assert refkin.solve(scene).sigma_min[1] == pytest.approx(sigma, rel=0.01, abs=0.0)
+    assert kinds(scene, Mute()) == blamed
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])

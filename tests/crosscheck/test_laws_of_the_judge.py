@@ -14,7 +14,7 @@ from flint import arb
 from scipy.spatial.transform import Rotation
 
 import refkin
-from crosscheck.engines import EngineError, Level, load
+from crosscheck.engines import EngineError, Level, Term, load
 from crosscheck.engines.exudyn.solve import solved as solved_or_not
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
@@ -32,6 +32,7 @@ from crosscheck.judge.budget import (
 )
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
+from crosscheck.judge.delivery import unclosed
 from crosscheck.judge.hard_poses import (
     TOO_WIDE,
     _judged,
@@ -42,11 +43,13 @@ from crosscheck.judge.hard_poses import (
     scene_truths,
 )
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
+from crosscheck.judge.records import Cause
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
+from refkin.motion import Status
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.linkages import RSSR
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
@@ -54,6 +57,7 @@ from tests.crosscheck.space_scenes import scene as spatial_scene
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+RULE = Term(name="stopping rule", level="position", reason="made up", absolute=1e-8)
 X, Y = Running(1.7, 3e-7), Running(-0.6, 2e-7)
 OPERATIONS = {
     "sum": (lambda x, y: x + y),
@@ -197,6 +201,19 @@ def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate
 
     assert judgement.verdict is Verdict.UNDECIDABLE
     assert judgement.radii == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(("terms", "within", "beyond"), [((), 8 * U, 64 * U), ((RULE,), 0.99e-8, 1.01e-8)])
+def test_a_singular_pose_closes_up_to_rounding_and_what_the_engine_adds(terms, within, beyond):
+    """Nothing else holds an answer there: a body is off by so many sizes."""
+    law, linkage = Polynomial(coefficients=(np.pi - 0.5, 1.0)), replace(LINKAGE, rocker=1.5)
+    ref = reference(linkage.scene(law=law, times=(0.0, 0.5)))
+    move = np.zeros_like(ref.motion.q)
+    move[1, 1] = ref.scene.mechanism.size()
+    moved = [replace(ref.motion, q=ref.motion.q + off * move, status=(Status.OK,) * 2) for off in (within, beyond)]
+
+    assert ref.motion.status[1] is Status.SINGULAR
+    assert [[fault["kind"] for fault in unclosed(ref, motion, terms)] for motion in moved] == [[], [Cause.UNCLOSED]]
 
 
 def row_values(x, rate, gamma, slope, off):

@@ -457,6 +457,17 @@ def test_a_documented_term_is_granted_no_further_than_its_documentation():
     assert found(stopping(1e-3)) == {("position", "undocumented error term")}
 
 
+@pytest.mark.parametrize("size", [4.0, 0.25])
+@pytest.mark.parametrize(("part", "kept"), [(39.0, 1), (41.0, 0)])
+def test_a_stopping_rule_is_granted_what_its_tolerance_leaves_of_forty_sizes(size, part, kept):
+    """1e-8 of a residual; the engine's norm takes metres for radians, and radians for metres."""
+    scene = FourBar(ground=size, crank=0.3 * size, coupler=0.8 * size, rocker=0.9 * size).scene(samples=2)
+    rule = replace(big(absolute=part * 1e-8 * max(size, 1.0 / size)), name="stopping rule")
+
+    assert scene.mechanism.size() == size
+    assert len(granted(load("exudyn"), scene, [rule])[0]) == kept
+
+
 def test_every_term_that_a_drawn_scene_calls_for_is_granted():
     engines = ["exudyn", "pinocchio", "mujoco", "closed_form", "vector_loop"]
     kinds = [d.kind for k in range(8) for d in check(draw(5, k, 3).scene, engines).disagreements]

@@ -26,8 +26,8 @@ from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
+from crosscheck.report.front import _cell, first_table, folds, hard_matrix
 from crosscheck.report.front import answer as sentence
-from crosscheck.report.front import first_table, folds, hard_matrix
 from crosscheck.report.prices import cheapest
 from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
@@ -251,6 +251,16 @@ def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: 
     (row,) = first_table(report)
 
     assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (defect)", "bad")
+
+
+@pytest.mark.parametrize(
+    ("worst", "known", "new", "seriousness"),
+    [(3.5, 2, 0, "gap"), (3.5, 2, 1, "bad"), (3.5, 0, 1, "bad"), (0.5, 2, 1, "")],
+)
+def test_cell_with_a_new_failure_beside_known_gaps_is_bad(worst: float, known: int, new: int, seriousness: str) -> None:
+    cell = Cell(known_gaps=known, failures=new).described()
+
+    assert _cell({**cell, "worst_over_allowed": worst})["class"] == seriousness
 
 
 def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:

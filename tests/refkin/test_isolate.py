@@ -103,6 +103,18 @@ def test_balls_take_over_where_float64_proves_nothing() -> None:
     assert isolation.position[0] <= np.max(half_ulp(system, q)) * (1 + 1e-9)
 
 
+@pytest.mark.parametrize(("far", "bits"), [(60.0, 53), (70.0, 113)])
+def test_balls_take_over_where_a_frame_is_far_from_its_joints(far: float, bits: int) -> None:
+    """Float64 proves the pose as well, with a bound that is up to five times as wide before 640 sizes."""
+    tip = XDriver(name="tip", body="bar", point=(far + 1.0, 0.0), law=Polynomial(coefficients=(float(np.cos(0.5)),)))
+    pivot = Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="bar", point_j=(far, 0.0))
+    mechanism = Mechanism((Body(name="bar"),), (pivot,), (tip,))
+    system = compile_system(mechanism, unit=mechanism.unit())
+    q = np.array([[-far * np.cos(0.5)], [-far * np.sin(0.5)], [0.5]])
+
+    assert isolate(system, q, [0.0]).bits == [bits]
+
+
 def test_one_bad_sample_spoils_no_other() -> None:
     q = np.concatenate([at_angle(phi) for phi in (1.0, 0.0, np.nan, 1e300, -1.0)], axis=1)
     assert certify(bar(float(np.cos(1.0))), q, np.zeros(5)).ok.tolist() == [True, False, False, False, True]

@@ -143,6 +143,7 @@ def test_change_point_is_met_exactly_and_left_by_one_bit(order):
 
         assert sign * abs(4.0 - longest) == linkage.slack
         assert (linkage.grashof is GrashofClass.CHANGE_POINT) == (sign == 0)
+        assert (linkage.grashof is GrashofClass.TRIPLE_ROCKER) == (sign < 0)
 
 
 @given(LINKAGES)

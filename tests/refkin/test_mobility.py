@@ -54,6 +54,13 @@ def test_a_coupler_held_by_a_universal_joint_does_not_spin():
     assert (gruebler(joints, "spatial").mobility, gruebler(joints, "spatial").passive) == (1, ())
 
 
+def test_the_ground_spins_between_no_balls():
+    """Two balls are all that holds it here, too, and no body moves less."""
+    joints = (("spherical", "ground", "a"), ("revolute", "a", "b"), ("spherical", "b", "ground"))
+
+    assert gruebler(joints, "spatial").passive == ()
+
+
 def test_a_four_bar_counted_in_space_seems_overconstrained():
     """6 x 4 - 6 - 4 x 5 = -2: parallel axes make equations depend on each other, which no count sees."""
     joints = [("revolute", a, b) for a, b in (("ground", "a"), ("a", "b"), ("b", "c"), ("c", "ground"))]

@@ -121,6 +121,17 @@ def test_a_bend_is_refused():
     assert work.march.step(h, bent, None) is None
 
 
+@pytest.mark.parametrize(("slack", "begins"), [(0.7e-9, False), (0.85e-9, True)])
+def test_no_march_begins_where_branches_are_a_hundred_thousandth_apart(slack, begins):
+    """The pivot goes with the root of the slack: 0.96e-5 and 1.06e-5."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
+    march, pose = task(linkage).march, linkage.assemble(math.pi, "open")
+    core, laws = (pose["coupler"][2], pose["rocker"][2]), march.laws(math.pi / 2)
+
+    assert 0.95e-5 < march._newton(laws, core).pivots[0] < 1.07e-5
+    assert (march.start(math.pi / 2, core, laws) is not None) is begins
+
+
 def test_numbers_that_leave_their_range_refuse_a_step():
     work = task()
     start = work._start()
