@@ -280,7 +280,7 @@ def one_by_one(
 
     def answers() -> Iterable[AnswerPiece]:
         for sample, model in enumerate(models):
-            levels = [np.asarray(level)[:, None] for level in model.read(model.solve(order))[: order + 1]]
+            levels = [floats(level)[:, None] for level in model.read(model.solve(order))[: order + 1]]
             yield whole(part, np.array([sample]), levels, range(len(levels[0])))
 
     return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers, note)
@@ -355,8 +355,15 @@ def levels_of(motion: Motion) -> list[Array]:
     return [level for level in motion.levels if level is not None]
 
 
+def floats(level: Any) -> Array:
+    """Return numbers as floats; EngineError if they are complex: the real parts alone are nobody's answer."""
+    if np.iscomplexobj(level):
+        raise EngineError(f"expected an array of floats, got {np.asarray(level).dtype}")
+    return np.asarray(level, float)
+
+
 def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], producer: Producer) -> Motion:
-    """Return levels of bodies as a motion: ok wherever there are numbers.
+    """Return levels of bodies as a motion: ok wherever there are numbers. Complex ones stay what they are.
 
     Parameters
     ----------
@@ -365,7 +372,7 @@ def motion_of(times: Any, bodies: tuple[str, ...], levels: Sequence[Any], produc
     levels : sequence of (n, T) array or None
         Positions, and as many rates as there are [m, rad].
     """
-    levels = [None if level is None else np.asarray(level, float) for level in levels]
+    levels = [level if level is None or np.iscomplexobj(level) else floats(level) for level in levels]
     there = np.all([np.isfinite(level).all(axis=0) for level in levels if level is not None], axis=0)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
     q, qd, qdd = [*levels, None, None][:3]

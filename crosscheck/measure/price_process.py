@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import OURS, Method, Model, Use, methods
+from crosscheck.engines.methods import OURS, Method, Model, Use, floats, methods
 from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, offers
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
@@ -190,7 +190,7 @@ def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
         run.order = min(run.order, len(levels) - 1)
         shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
         nothing = [np.full(shape, np.nan)] * (run.order + 1 - len(levels))
-        levels = [np.asarray(x, float)[:, :: question.compared] for x in (*levels[: run.order + 1], *nothing)]
+        levels = [floats(x)[:, :: question.compared] for x in (*levels[: run.order + 1], *nothing)]
         for k, level in enumerate(levels):
             fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses], run.digits[poses] = models, took, fewest

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines import EngineError, load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause, read_records
@@ -32,9 +32,10 @@ from refkin import FourBar
 from refkin.model import Effect, Mechanism
 from refkin.scenes.files import to_dict
 
-from .hard_engines import FaultyFirst, Own
+from .hard_engines import Complex, FaultyFirst, Own
 
-OWN, FIRST = (f"{Path(__file__).with_name('hard_engines.py')}:{name}" for name in ("Own", "FaultyFirst"))
+FILE = Path(__file__).with_name("hard_engines.py")
+OWN, FIRST, COMPLEX = (f"{FILE}:{name}" for name in ("Own", "FaultyFirst", "Complex"))
 RIGHT, FAULTY = "right", "faulty, by 1e-6"
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=4)
 IN_SPACE = refkin.load(Path(__file__).parents[2] / "examples" / "rssr.toml")
@@ -135,6 +136,21 @@ def test_two_methods_of_one_name_are_named():
     (fault,) = ask(engine, next(iter(questions()))).faults
 
     assert (fault.level, "got ['right', 'right']" in fault.what) == ("form", True)
+
+
+def test_complex_numbers_are_an_answer_of_another_form_in_every_table():
+    """Nobody takes their real parts for what was answered."""
+    why = "expected an array of floats, got complex128"
+    faults = {(d.kind, d.message) for d in check(SCENE, [Complex()]).disagreements}
+    (method,) = methods(Complex())
+    answers = effect_rows(ablations(method, SCENE), reference(SCENE), 0.0)
+    priced = price(SCENE, [COMPLEX], within=3.0).rows
+
+    assert faults == {(Cause.NOT_DELIVERED, f"{level}: {why}") for level in ("q", "qd", "qdd")}
+    assert {row.inert for row in answers} == {None}
+    assert {(row.digits, row.microseconds, why in row.note) for row in priced} == {(None, None, True)}
+    with pytest.raises(EngineError, match=why):
+        bench.accuracy_of(workloads.sweep(12), method.batched(workloads.sweep(12), 2))
 
 
 @cache
