@@ -405,6 +405,12 @@ def test_of_an_engine_that_fails_as_a_whole_every_effect_is_asked_alone_until_to
         assert row.called_for is (fails and effect not in PHYSICAL)
 
 
+def test_an_engine_of_a_file_that_never_answers_has_its_own_name(tmp_path, monkeypatch):
+    monkeypatch.setattr(ledger, "call_in_turn", lambda function, arguments, seconds: (HUNG for _ in arguments))
+
+    assert {row.engine for row in effects_ledger(SCENE, [engine_file(tmp_path)], 1.0)} == {"refkin", "fake"}
+
+
 def test_a_number_that_one_answer_has_and_the_other_has_not_is_a_change_without_end():
     motion = (ref := reference(FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=3))).motion
     gone = replace(motion, q=np.where(np.arange(3) == 1, np.nan, motion.q))
