@@ -19,24 +19,25 @@ from crosscheck.commands.usage import Json, Names, coloured, console, shown_prog
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.prices import EffectRow
-from crosscheck.measure.bench import Key, key_of, measured_by_name, merged
+from crosscheck.measure.bench import key_of, measured_apart, merged
 from crosscheck.measure.effects import REFKIN, effects_ledger
+from crosscheck.measure.price_process import Key
 from crosscheck.scenes import workloads
 from crosscheck.scenes.names import called
 from crosscheck.workers.pool import find_engines
-from crosscheck.workers.processes import Failure, call_each
+from crosscheck.workers.processes import Failure
 from refkin.motion import Status
 from refkin.scenes.files import load
 from refkin.solving.limits import said_if_long
 from refkin.solving.solve import solve
-
-SECONDS_PER_WORKLOAD = 600.0
 
 
 def bench(
     *, only: Annotated[list[str] | None, Parameter(negative="")] = None, engines: Names = ENGINES, as_json: Json = False
 ) -> int:
     """Measure this project's time and error against C, the engines, SciPy and the closed form, on one thread.
+
+    An engine that raises, ends its process or hangs is absent, with the reason.
 
     Exit codes: 0 done, 2 there is no workload of that name, 4 a workload could not be measured.
 
@@ -50,13 +51,13 @@ def bench(
         there = ", ".join(workloads.WORKLOADS)
         raise UsageError(f"--only: no workload is called {unknown[0]!r}; there are: {there}")
     producers = (*OURS, *names(engines, always=()))
-    parts: list[dict[str, Any]] = []
+    parts, hung = list[dict[str, Any]](), dict[Key, str]()
     asked = only or list(workloads.WORKLOADS)
     with shown_progress(len(asked), noun="workloads") as show:
         for name in asked:
             show(len(parts), name)
             with said_if_long(f"measuring {name}"):
-                (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
+                part = measured_apart(name, producers, hung)
             if isinstance(part, Failure):
                 print(f"{name}: {part.text}", file=sys.stderr)
                 return INFRASTRUCTURE

@@ -18,7 +18,6 @@ from rich.console import Console
 
 import refkin
 from crosscheck.cli import main
-from crosscheck.commands import bench as command
 from crosscheck.commands.bench import print_results
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Use, methods
@@ -31,6 +30,7 @@ from crosscheck.measure.bench import _entries, key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import AnswerPiece, system_of, unit_of
+from crosscheck.workers.processes import Failure, FailureKind
 from crosscheck.workers.timing import Timing
 from refkin.solving import limits
 from refkin.system import compile_system
@@ -284,15 +284,15 @@ def test_a_row_says_what_one_configuration_costs_and_of_how_many_how_much_was_ju
 
 def test_results_of_workloads_are_put_together(monkeypatch):
     """Their rows one after the other; versions and machine as the last one has them."""
-    monkeypatch.setattr(measure, "measured", lambda work, producers: {"rows": [work.name], "absent": [producers]})
+    monkeypatch.setattr(measure, "measured", lambda work, by, without: {"rows": [work.name], "absent": [by, without]})
     names = ("chain-10", "many-10000x360")
     parts = [
-        {**measure.measured_by_name((name, ["numpy"])), "versions": {"at": k}, "machine": {"number": k}}
+        {**measure.measured_by_name((name, ["numpy"], ())), "versions": {"at": k}, "machine": {"number": k}}
         for k, name in enumerate(names)
     ]
     whole = measure.merged(parts)
 
-    assert (whole["rows"], whole["absent"]) == (list(names), [["numpy"]] * 2)
+    assert (whole["rows"], whole["absent"]) == (list(names), [["numpy"], ()] * 2)
     assert (whole["versions"], whole["machine"]) == ({"at": 1}, {"number": 1})
 
 
@@ -449,7 +449,7 @@ def out_of_order(asked: object) -> None:
 
 def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch, caplog):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
-    monkeypatch.setattr(command, "measured_by_name", out_of_order)
+    monkeypatch.setattr(measure, "measured_by_name", out_of_order)
     monkeypatch.setattr(limits, "LOOK", 0.005)
     monkeypatch.setattr(limits, "LONG", 0.01)
     monkeypatch.setattr(limits, "_WATCH", limits._Watch())  # that of another test sleeps as long as it was told
@@ -459,6 +459,51 @@ def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastru
     assert end.value.code == 4
     assert "chain-10: its process ended: exit code 3" in capsys.readouterr().err
     assert caplog.messages[0].startswith("measuring chain-10: ")
+
+
+def test_an_engine_that_raises_hangs_or_ends_its_process_is_absent_and_the_others_have_their_rows():
+    """One that hangs is not asked again."""
+    hung, engines = {}, Path(__file__).with_name("hard_engines.py")
+    specs = [f"{engines}:{name}" for name in ("Raises", "Crashes", "Complex", "Hangs")]
+    part = measure.measured_apart("sweep-1000", ["numpy", *specs], hung, patience=3.0)
+    told = {row["engine"]: row["reason"] for row in part["absent"]}
+    (again,) = measure.measured_apart("sweep-1000", specs[-1:], hung)["absent"]
+
+    assert [row["engine"] for row in part["rows"]] == ["numpy"]
+    assert told.keys() == {"raises", "crashes", "complex", "hangs"}
+    assert told["complex"] == "expected an array of floats, got complex128"
+    assert told["raises"].startswith("ZeroDivisionError: planted (solve, hard_engines.py:")
+    assert (told["hangs"], told["crashes"]) == ("no answer within 3 s", "its process ended: SIGSEGV")
+    assert again["reason"] == "not asked again: no answer within 3 s, at sweep-1000"
+
+
+def test_an_engine_whose_file_ends_the_process_is_absent_by_its_file(tmp_path):
+    (tmp_path / "ends.py").write_text("import os\nos._exit(7)\n", encoding="utf-8")
+    spec = f"{tmp_path / 'ends.py'}:Ends"
+    part = measure.measured_apart("chain-10", [spec], {})
+
+    assert [(key_of(row), row["reason"]) for row in part["absent"]] == [
+        ((spec, "any", ""), "its process ended: exit code 7")
+    ]
+
+
+@pytest.mark.parametrize("fails", ["own engines", "all"])
+def test_what_fails_only_beside_others_costs_no_row_of_theirs(fails, monkeypatch):
+    ended, asked = Failure(FailureKind.CRASH, "its process ended: SIGSEGV"), []
+
+    def each(function, arguments, seconds=None):
+        if function is measure.keys_of:
+            return [[("mine", "solve", "")]]
+        asked.append(arguments[0][2])
+        return [ended if fails == "all" or not asked[-1] else {"rows": ["others"], "absent": []}]
+
+    monkeypatch.setattr(measure, "call_each", each)
+    monkeypatch.setattr(measure, "call_in_turn", lambda *_: iter([None]))
+    part = measure.measured_apart("sweep-1000", ["numpy", "mine.py:Mine"], {})
+
+    assert asked == [set(), {("mine", "solve", "")}]
+    assert part == ended if fails == "all" else part["rows"] == ["others"]
+    assert fails == "all" or part["absent"][0]["reason"] == "beside others: its process ended: SIGSEGV"
 
 
 def test_a_workload_nobody_has_heard_of_is_a_usage_error(capsys):
