@@ -5,11 +5,14 @@ from __future__ import annotations
 import gc
 import weakref
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import refkin
 from crosscheck.engines import EngineError, Level
 from crosscheck.engines.exudyn import model as exudyn_model
 from crosscheck.engines.exudyn import parts as exudyn_parts
@@ -20,7 +23,7 @@ from crosscheck.engines.poses import Tabulated
 from refkin.joints import (
     Distance,
 )
-from refkin.motion_laws import Sinusoid
+from refkin.motion_laws import Polynomial, Sinusoid
 
 from .loose_rows import KINDS, disagreement, loose_scene
 
@@ -158,3 +161,17 @@ def test_bodies_in_another_order_than_the_columns_are_an_engine_error(monkeypatc
 
     with pytest.raises(EngineError, match="keeps the coordinates of body 'a' in columns"):
         Exudyn().constraints(loose_scene("revolute"))
+
+
+@pytest.mark.parametrize("name", ["distance-driver", "spatial-distance-driver"])
+def test_a_length_that_exudyn_does_not_take_leaves_no_other_at_its_time(name: str) -> None:
+    scene = refkin.load(Path(__file__).parents[2] / "docs" / "scenes" / f"{name}.toml")
+    (driver,) = scene.mechanism.drivers
+    two = [replace(driver, name=x, law=Polynomial(coefficients=(1.5, slope))) for x, slope in (("a", 1.0), ("b", -1.0))]
+    model = Exudyn().constraints(replace(scene, mechanism=replace(scene.mechanism, drivers=tuple(two))))
+    q = np.concatenate([body.estimate for body in scene.mechanism.bodies])
+    rows = model.residual(q, 0.0)
+
+    with pytest.raises(EngineError, match="driver 'b' at"):
+        model.residual(q, 2.0)
+    np.testing.assert_array_equal(model.residual(q, 0.0), rows)

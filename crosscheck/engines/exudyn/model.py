@@ -249,6 +249,7 @@ class ExudynModel(ExudynSystem):
         self.clock.set(t, order)
         if t == self._distances_at:
             return
+        self._distances_at = math.nan  # a length that exudyn does not take leaves the others set
         for _, line, law in self._driven:
             self.set_length(line.item, line.name, t, self.clock.values[law][0])
         self._distances_at = t

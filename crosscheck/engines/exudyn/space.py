@@ -196,6 +196,7 @@ class ExudynSpace(ExudynSystem):
         """Put what laws move at a time."""
         if t == self.t:
             return
+        self.t = np.nan  # a length that exudyn does not take leaves the others set
         self.f = [float(drive.value(t)) for _, _, drive in self.driven]
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == "length":
