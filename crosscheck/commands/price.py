@@ -151,7 +151,8 @@ def lines(result: Mapping[str, Any]) -> list[str]:
     times = result["times"]
     out = [
         f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
-        "one pose now: started at the pose before it, with the model built; bulk: 1,000 poses; all of processor time",
+        "one pose now: started at the pose before it, with the model built (build -: in every call); "
+        "bulk: 1,000 poses; all of processor time",
         "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
         f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many",
     ]

@@ -8,6 +8,9 @@ An engine is found by name among the entry points of group `crosscheck.engines`.
     its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are (x, y, phi) per
     body, at configurations that need not be assembled.
 
+One whose model of a scene can be asked again says by which routes: `kept`, each with what is said of its price. Then
+`model(scene, route)` builds it (`KeptModel`), and that is priced apart; by other routes it is built in every call.
+
 An engine that lists methods of its own (`crosscheck.engines.methods`) needs no `solve`. What it cannot do it refuses by
 name (`refusals`), it never skips in silence. One of positions alone says so: `delivers = ("position",)`; without that
 attribute all three are owed.
@@ -17,7 +20,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
@@ -176,6 +179,21 @@ class Switch(NamedTuple):
     switch: Callable[[Any], None]
 
 
+class KeptModel(Protocol):
+    """An engine's model of a scene by one route, built once and asked again: each answer is as if it were the first."""
+
+    def solve(self, scene: Scene) -> Motion:
+        """Return the answer to the scene that it was built of, at the levels that this one calls for."""
+
+    def close(self) -> None:
+        """Free what the engine holds, unless it goes with the object."""
+        return
+
+
+TABULATED = "laws are tabulated with the model"
+"""What the price of an answer has not in it, where a model keeps the values of laws."""
+
+
 class Adapter:
     """What adapters say of their engines by class attributes.
 
@@ -187,6 +205,8 @@ class Adapter:
         Routes, best first; those with the engine's own settings, of hard cases; those through features that are
         avoided elsewhere; those through its dynamics, which answer no scene but may feel an effect. In space there are
         the first two alone.
+    kept : mapping
+        Those whose model of a scene may be asked again, each with what is said of its price.
     table : mapping
         What it can express.
     """
@@ -198,6 +218,7 @@ class Adapter:
     shipped: tuple[Route, ...] = ()
     special: tuple[Route, ...] = ()
     dynamic: tuple[Route, ...] = ()
+    kept: Mapping[Route, str] = {}
     table: Capabilities
     effect: str | None = None
 
@@ -226,11 +247,24 @@ class Adapter:
         return ()
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        return self.answer(scene, Producer(name=self.name, version=self.version(), route=self.checked(scene, route)))
+        return self.answer(scene, self.producer(scene, route))
+
+    def model(self, scene: Scene, route: Route | None = None) -> KeptModel:
+        """Return its model of a scene by a route of `kept`; raises as `solve` where it refuses the scene."""
+        return self.built(scene, self.producer(scene, route))
+
+    def producer(self, scene: Scene, route: Route | None) -> Producer:
+        """Return who answers a scene; raises as `checked`."""
+        return Producer(name=self.name, version=self.version(), route=self.checked(scene, route))
+
+    def built(self, scene: Scene, producer: Producer) -> KeptModel:
+        """Return its model of a scene that `checked` lets pass, by the producer's route."""
+        raise NotImplementedError
 
     def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return its answer to a scene that `checked` lets pass, by the producer's route."""
-        raise NotImplementedError
+        """Return its answer to a scene that `checked` lets pass: by a model that is built, asked and freed."""
+        with closing(self.built(scene, producer)) as model:
+            return model.solve(scene)
 
     def checked(self, scene: Scene, route: Route | None) -> Route:
         """Return the route, by default the best; raise EngineError if it has none such, EngineRefusal for a scene."""
@@ -439,7 +473,8 @@ def load(spec: str) -> Engine:
     """
     engine: Engine = _class_of(spec)()
     of_methods = ("methods",) if hasattr(engine, "methods") else ("routes", "solve")
-    needed = ("name", "api", "version", *of_methods, "capabilities", "terms")
+    of_models = ("model",) if hasattr(engine, "kept") else ()
+    needed = ("name", "api", "version", *of_methods, *of_models, "capabilities", "terms")
     missing = [key for key in needed if not hasattr(engine, key)]
     if missing:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
@@ -464,11 +499,14 @@ def _formed(spec: str, engine: Any) -> None:
     api, table, able = engine.api, engine.capabilities(), getattr(engine, "delivers", QUANTITIES)
     rows = list(table.values()) if isinstance(table, Mapping) else [None]
     levels = all(isinstance(row, Mapping) and all(isinstance(x, Capability) for x in row.values()) for row in rows)
+    again = getattr(engine, "kept", {})
+    noted = isinstance(again, Mapping) and all(isinstance(one, Route) for one in again)
     right = isinstance(able, tuple | list | set | frozenset) and all(quantity in QUANTITIES for quantity in able)
     for key, value, expected, well in (
         ("api", api, f"two whole numbers, as in {API}", isinstance(api, tuple) and [*map(type, api)] == [int, int]),
         ("capabilities()", table, "a table of element -> level -> Capability", levels),
         ("delivers", able, f"some of {', '.join(QUANTITIES)}", right),
+        ("kept", again, "a table of Route -> what is said of its price", noted),
     ):
         if not well:
             raise EngineError(f"engine {spec!r}: {key}: expected {expected}, got {kept(repr(value))}")

@@ -134,8 +134,8 @@ class Method:
         How much of our answer it is given.
     uses : set of Use
     build : callable or None
-        Scene -> its model. Raises EngineError if the method refuses the scene. None: it has but answers, each made
-        anew, or it takes workloads alone.
+        Scene -> its model. Raises EngineError if the method refuses the scene. None: it has but answers, whose price
+        holds the building of a model, or it takes workloads alone.
     batch : callable or None
         Workload and order -> what is timed; by default one scene after the other.
     highest : int
@@ -325,6 +325,7 @@ def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
 
 
 def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
+    kept = getattr(engine, "kept", {})
     return Method(
         engine=engine.name,
         name=route.name,
@@ -332,17 +333,32 @@ def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
         seeding=route.seeding,
         uses=uses,
         highest=max((QUANTITIES.index(quantity) for quantity in getattr(engine, "delivers", ())), default=2),
-        note="builds its model anew in every call",
+        note=kept.get(route, "builds its model in every call"),
         adapter=engine,
         route=route,
+        build=partial(_kept, engine, route) if route in kept else None,
         answer=lambda scene: engine.solve(scene, route),
     )
 
 
+def _kept(engine: Any, route: Route, scene: Scene) -> Model:
+    """Return a scene as an engine builds it by a route, to be asked again."""
+    plain = _plain(scene)
+    with quiet():
+        return _asked(engine.model(plain, route).solve, plain)
+
+
 def _asked_anew(answer: Callable[[Scene], Motion], scene: Scene) -> Model:
     """Return a scene as a method takes it that has no model apart from its answer."""
-    plain = copied(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+    return _asked(answer, _plain(scene))
 
+
+def _plain(scene: Scene) -> Scene:
+    """Return a copy of a scene that wants all bodies, no points and no evidence."""
+    return copied(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+
+
+def _asked(answer: Callable[[Scene], Motion], plain: Scene) -> Model:
     def asked(order: int) -> Motion:
         with quiet():
             return answer(replace(plain, effects=ORDERS[order]))

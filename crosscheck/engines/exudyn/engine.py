@@ -17,9 +17,11 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import (
+    TABULATED,
     Capabilities,
     Capability,
     ConstraintModel,
+    KeptModel,
     Level,
     SimulatingAdapter,
     Support,
@@ -107,6 +109,7 @@ class Exudyn(SimulatingAdapter):
     name = "exudyn"
     package, table, effects = exu, CAPABILITIES, EFFECTS
     solving, special = (STATIC, SHIPPED), FEATURES
+    kept = dict.fromkeys(solving, TABULATED)
     _stop: tuple[Scene, Term] | None = None
     """The scene that `shipped` solved last, and where it stopped: its terms are asked for next."""
 
@@ -119,16 +122,17 @@ class Exudyn(SimulatingAdapter):
         if route in (None, STATIC, INITIAL):
             return nodes
         if self._stop is None or self._stop[0] is not scene:
-            self.checked(scene, route)
-            with closing(self._model(scene, SHIPPED)) as model:
+            with closing(self.built(scene, self.producer(scene, route))) as model:
                 self._stop = scene, model.stop(scene)
         return self._stop[1], *nodes
 
-    def _model(self, scene: Scene, route: Route) -> PlaneModel | SpaceModel:
+    def built(self, scene: Scene, producer: Producer) -> PlaneModel | SpaceModel:
+        """Return exudyn's model of a scene, in its own settings where the route is `shipped`."""
+        shipped = producer.route == SHIPPED
         if in_space(scene.mechanism):
-            return SpaceModel(scene, shipped=route == SHIPPED)
+            return SpaceModel(scene, producer, shipped=shipped)
         more = None if self.effect is None else EFFECTS[self.effect].switch
-        return PlaneModel(scene, shipped=route == SHIPPED, more=more)
+        return PlaneModel(scene, producer, shipped=shipped, more=more)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
@@ -142,36 +146,40 @@ class Exudyn(SimulatingAdapter):
         if route == INITIAL:
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
-        with closing(self._model(scene, route)) as model:
+        with closing(self.built(scene, producer)) as model:
             if route == SHIPPED:
                 self._stop = scene, model.stop(scene)
-            return model.solve(scene, producer)
+            return model.solve(scene)
 
 
-class PlaneModel:
+class PlaneModel(KeptModel):
     """exudyn's model of a scene of the plane: in sizes, or in metres with its own settings, `shipped`."""
 
-    def __init__(self, scene: Scene, *, shipped: bool, more: Callable[[Builder], None] | None = None) -> None:
+    def __init__(
+        self, scene: Scene, producer: Producer, *, shipped: bool, more: Callable[[Builder], None] | None = None
+    ) -> None:
+        self.producer = producer
         self.unit = SI if shipped else scene.mechanism.unit()
         self.size = scene.mechanism.size() if shipped else 1.0
         self.start = start_of(scene, self.unit)
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, self.unit, more=more)
-        self.solver = ShippedSolve(self.model, self.size) if shipped else StaticNewton(self.model)
+        solver = ShippedSolve(self.model, self.size) if shipped else StaticNewton(self.model)
+        self.equations = ExudynEquations(self.model, scene, solver)
 
     def close(self) -> None:
         """Free what exudyn holds."""
         self.model.close()
 
-    def solve(self, scene: Scene, producer: Producer) -> Motion:
+    def solve(self, scene: Scene) -> Motion:
         """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
-        equations = ExudynEquations(self.model, scene, self.solver)
-        poses = equations.march(self.start, scene.times, order_of(scene))
-        status, message = equations.status(poses, scene.times)
+        self.equations.begin()
+        poses = self.equations.march(self.start, scene.times, order_of(scene))
+        status, message = self.equations.status(poses, scene.times)
         names = [body.name for body in scene.mechanism.bodies]
         wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
         levels = called_for(scene, [level[wanted] for level in in_metres(self.unit, poses.levels)])
         more = {"residual": poses.residual, "message": message}
-        return engine_motion(scene.times, scene.wanted, *levels, status, producer, **more)
+        return engine_motion(scene.times, scene.wanted, *levels, status, self.producer, **more)
 
     def stop(self, scene: Scene) -> Term:
         """Return what SolveStatic leaves of the residual in metres and rad."""

@@ -84,8 +84,8 @@ def _checked(scene: Scene) -> Scene:
 
 def _direct(tolerance: float, scene: Scene) -> Model:
     if in_space(scene.mechanism) and not refusals(Exudyn(), scene, Level.SOLVE):
-        kept, producer = SpaceModel(scene, (tolerance,)), Producer(name="exudyn", version="", route=STATIC)
-        return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order]), producer), levels_of)
+        kept = SpaceModel(scene, Producer(name="exudyn", version="", route=STATIC), (tolerance,))
+        return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order])), levels_of)
     at = Static(_checked(scene), scene.mechanism.unit(), extrapolates=True)
     if at.model.lengths():
         raise EngineError("a driven distance is set anew at each time, which the direct Newton does not do")

@@ -48,6 +48,10 @@ class ExudynSystem:
         self.solver.InitializeSolver(self.mbs, self.settings)
         self.n, self.m = self.solver.GetODE2size(), self.solver.GetAEsize()
 
+    def rest(self) -> None:
+        """Put its bodies at rest, as they were when it was built: friction and dampers feel rates that were left."""
+        self.data.SetODE2Coordinates_t(np.zeros(self.n), CURRENT)
+
     def lengths(self) -> Sequence[tuple[int, float]]:
         """Return exudyn's row and f of each driven distance at the present time."""
         raise NotImplementedError

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError, Term
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import MarchResult, march, march_of
 from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
@@ -121,8 +121,13 @@ class OwnSolver:
     predicts = together = True
     furthest = math.inf
 
-    def __init__(self, *shape: int) -> None:
-        self.shape = shape
+    def __init__(self, model: ExudynSystem, *shape: int) -> None:
+        self.system, self.shape = model, shape
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the motion before: nothing of it is left in what comes now."""
+        self.system.rest()
         self.failed = dict[float, str]()
         self._last: Array | None = None
 
@@ -204,7 +209,7 @@ class ExudynEquations(OwnSolver):
     """exudyn's rows of a scene of the plane, lengths in sizes, and poses by a solver of its own."""
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
-        super().__init__(model.m, model.n)
+        super().__init__(model, model.m, model.n)
         self.model, self.solver, self.predicts = model, solver, solver.predicts
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError, EngineRefusal, Term
+from crosscheck.engines import EngineError, EngineRefusal, KeptModel, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
@@ -34,11 +34,13 @@ CORRECTIONS, SETTLED = 4, 4.0 * EPS
 """How often a pose may be corrected once more, and the largest component of its rows at which it no longer is."""
 
 
-class SpaceModel:
-    """exudyn's model of a scene of space, to be solved again and again; EngineError for a twist, or no estimate."""
+class SpaceModel(KeptModel):
+    """exudyn's model of a scene of space; EngineError for a twist, or no estimate."""
 
-    def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
-        self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped
+    def __init__(
+        self, scene: Scene, producer: Producer, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False
+    ) -> None:
+        self.numbers, self.producer = numbers_of(scene.mechanism), producer
         refuse_without_estimates(scene)
         twists = [x.name for x in self.numbers.drives if x.kind == JointKind.ANGLE and x.hold.kind not in AXIAL]
         twists += [x.name for x in self.numbers.holds if x.kind == JointKind.TWIST]
@@ -46,18 +48,19 @@ class SpaceModel:
             raise EngineRefusal(f"exudyn refuses {twists[0]!r}: {NO_TWIST}")
         self.start = np.concatenate([*estimates(scene, self.numbers).values()])
         self.model = ExudynSpace(self.numbers, self.numbers.holds, self.numbers.drives)
+        self.equations = SpaceEquations(self.model, tolerances, shipped=shipped)
 
     def close(self) -> None:
         """Free what exudyn holds."""
         self.model.close()
 
-    def solve(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion of a scene of the same mechanism, from the estimates."""
-        equations = SpaceEquations(self.model, self.tolerances, shipped=self.shipped)
-        poses = equations.motion(self.start, scene.times, order_of(scene))
-        status, message = equations.status(poses, scene.times)
+    def solve(self, scene: Scene) -> Motion:
+        """Return the motion from the estimates."""
+        self.equations.begin()
+        poses = self.equations.motion(self.start, scene.times, order_of(scene))
+        status, message = self.equations.status(poses, scene.times)
         more = {"residual": poses.residual, "message": message}
-        return reported(scene, self.numbers, list(poses.levels), status, producer, **more)
+        return reported(scene, self.numbers, list(poses.levels), status, self.producer, **more)
 
     def stop(self, scene: Scene) -> Term:
         """Return what SolveStatic leaves of the residual, as in the plane."""
@@ -80,7 +83,7 @@ class SpaceEquations(OwnSolver):
     def __init__(self, model: ExudynSpace, tolerances: Sequence[float], *, shipped: bool) -> None:
         numbers = model.numbers
         self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
-        super().__init__(len(model.lines) + len(numbers.passive) + len(numbers.bodies), model.n)
+        super().__init__(model, len(model.lines) + len(numbers.passive) + len(numbers.bodies), model.n)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
         self.together = not numbers.passive
         passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]

@@ -14,10 +14,12 @@ from functools import partial
 import numpy as np
 
 from crosscheck.engines import (
+    TABULATED,
     Capabilities,
     Capability,
     ConstraintModel,
     EngineRefusal,
+    KeptModel,
     Level,
     Support,
     Term,
@@ -34,12 +36,12 @@ from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
-from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
+from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceMotion, SpaceRows
 from crosscheck.engines.tree.joint_tree import Array, JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeAdapter, TreeEngine, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeAdapter, TreeEngine, TreeMotion
 from refkin.joints import Constraint, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, Producer, Route
+from refkin.motion import Producer, Route
 
 NEWTON = route_by("mujoco", "newton", "adapter")
 
@@ -173,6 +175,7 @@ class Mujoco(TreeAdapter):
     package, table, effects = mujoco, CAPABILITIES, EFFECTS
     rows_of_space, rows_of_plane = partial(SpaceRows, build=MujocoSpace, welds=0.5), AbsoluteRows
     solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
+    kept = dict.fromkeys(solving, TABULATED)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
@@ -180,18 +183,18 @@ class Mujoco(TreeAdapter):
             return (*CHAIN, *SPATIAL, soft(freedoms(scene.mechanism)))
         return (*CHAIN, *SPATIAL)
 
-    def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates."""
+    def built(self, scene: Scene, producer: Producer) -> KeptModel:
+        """Return the scene as a joint tree, closed from the bodies' estimates."""
         route = producer.route
         if in_space(scene.mechanism):
             own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
-            return space_motion(scene, MujocoSpace, producer, own)
+            return SpaceMotion(scene, MujocoSpace, producer, own)
         tree = joint_tree(scene.mechanism)
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
         closing = stepped(tree) if route == STEPPED else None
         departing = SparseNewton(scene.mechanism).departure if route == SPARSE else None
         accelerations = self._forward(tree) if route == FORWARD else None
-        return tree_motion(rows, scene, producer, closing, accelerations, departing)
+        return TreeMotion(rows, scene, producer, closing, accelerations, departing)
 
     def _forward(self, tree: JointTree) -> Accelerations:
         """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""

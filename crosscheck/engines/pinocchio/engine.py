@@ -2,7 +2,7 @@
 
 Pinocchio has no kinematic loop solver, no prescribed motion and no distance constraint. So Newton, driver rows and
 linear solves are the adapter's (`march`, `tree_system`), and a distance joint is a massless link; residual,
-Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets its own model: nothing is kept.
+Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets its own model.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ import pinocchio as pin
 
 from crosscheck.engines import (
     NATIVE,
+    TABULATED,
     Array,
     Capabilities,
     ConstraintModel,
+    KeptModel,
     Level,
     Term,
     by_level,
@@ -33,9 +35,9 @@ from crosscheck.engines.pinocchio.model import Points, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
-from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceRows, space_motion
+from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceMotion, SpaceRows
 from crosscheck.engines.tree.joint_tree import JointTree, absolute_tree, joint_tree
-from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeAdapter, TreeEngine, link_terms, tree_motion
+from crosscheck.engines.tree.tree_system import CHAIN, Places, TreeAdapter, TreeEngine, TreeMotion, link_terms
 from refkin.joints import Constraint, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
@@ -121,6 +123,7 @@ class Pinocchio(TreeAdapter):
     package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
     rows_of_space, rows_of_plane = partial(SpaceRows, build=PinocchioSpace), PinocchioConstraints
     solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), tuple(FEATURES), (FORWARD,)
+    kept = dict.fromkeys(solving, TABULATED)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
@@ -128,17 +131,21 @@ class Pinocchio(TreeAdapter):
         return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
 
     def answer(self, scene: Scene, producer: Producer) -> Motion:
-        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates."""
+        route = producer.route
+        if route in FEATURES:
+            return FEATURES[route](scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
+        return super().answer(scene, producer)
+
+    def built(self, scene: Scene, producer: Producer) -> KeptModel:
+        """Return Pinocchio's joint tree of a scene, closed from the bodies' estimates."""
         route = producer.route
         if in_space(scene.mechanism):
             own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
-            return space_motion(scene, PinocchioSpace, producer, own)
-        if route in FEATURES:
-            return FEATURES[route](scene, route).with_rates(self.solve(replace(scene, bodies_wanted=None), TREE))
+            return SpaceMotion(scene, PinocchioSpace, producer, own)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
         closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
         forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
-        return tree_motion(tree, scene, producer, closing, forward)
+        return TreeMotion(tree, scene, producer, closing, forward)
 
 
 class PinocchioTree(TreeEngine):

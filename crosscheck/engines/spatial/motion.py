@@ -9,12 +9,12 @@ half-angle rows.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Level, Term, answered
+from crosscheck.engines import ConstraintModel, KeptModel, Level, Term, answered
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
 from crosscheck.engines.spatial.kinds import JointKind
@@ -28,25 +28,6 @@ from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer
 
 Array = Any
-
-
-def space_motion(
-    scene: Scene, build: Callable[..., Any], producer: Producer, own: Callable[[SpaceSystem], Closing] | None = None
-) -> Motion:
-    """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
-
-    Parameters
-    ----------
-    scene, build, producer : Scene, callable, Producer
-        `build` makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
-    own : callable, optional
-        What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
-    """
-    tree = SpaceScene.of(scene, build)
-    if own is not None:
-        return tree.motion(one_by_one(own(tree.system), tree.start(), scene.times), producer)
-    poses = march(tree.system, tree.start(), scene.times, order_of(scene), together=not tree.numbers.passive)
-    return tree.motion(poses, producer)
 
 
 @dataclass(frozen=True)
@@ -75,6 +56,37 @@ class SpaceScene:
     def read(self, levels: Sequence[Array]) -> list[Array]:
         """Return tree coordinates and rates (n, T) as those of all bodies, (7 b, T) [m]."""
         return [self.numbers.levels(level, order) for order, level in enumerate(_levels(self.system, levels))]
+
+
+class SpaceMotion(KeptModel):
+    """A scene of space in an engine's joint tree, asked for the motion of the bodies and points that it wants.
+
+    Parameters
+    ----------
+    scene, build, producer : Scene, callable, Producer
+        `build` makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
+    own : callable, optional
+        What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        build: Callable[..., Any],
+        producer: Producer,
+        own: Callable[[SpaceSystem], Closing] | None = None,
+    ) -> None:
+        self.tree, self.producer = SpaceScene.of(scene, build), producer
+        self.own = own and own(self.tree.system)
+
+    def solve(self, scene: Scene) -> Motion:
+        tree = replace(self.tree, scene=scene)
+        if self.own is not None:
+            poses = one_by_one(self.own, tree.start(), scene.times)
+        else:
+            together = not tree.numbers.passive
+            poses = march(tree.system, tree.start(), scene.times, order_of(scene), together=together)
+        return tree.motion(poses, self.producer)
 
 
 def estimates(scene: Scene, numbers: Numbers) -> dict[str, Any]:

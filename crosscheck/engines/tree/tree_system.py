@@ -8,6 +8,7 @@ that has no loop solver.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import hypot, sqrt
 from typing import Any, Protocol
 
@@ -16,6 +17,7 @@ import numpy as np
 from crosscheck.engines import (
     ConstraintModel,
     EngineError,
+    KeptModel,
     Level,
     SimulatingAdapter,
     Term,
@@ -244,15 +246,8 @@ def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
     )
 
 
-def tree_motion(
-    engine: TreeEngine,
-    scene: Scene,
-    producer: Producer,
-    own: Closing | None = None,
-    accelerations: Accelerations | None = None,
-    departing: Accelerations | None = None,
-) -> Motion:
-    """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+class TreeMotion(KeptModel):
+    """A scene in an engine's joint tree, asked for the motion of the bodies and points that it wants.
 
     Parameters
     ----------
@@ -264,20 +259,44 @@ def tree_motion(
     departing : callable, optional
         What is added to qdd, likewise.
     """
-    order, start = order_of(scene), engine.tree.start()
-    if own is not None:
-        poses = one_by_one(own, start, scene.times)
-    else:
-        poses = march(TreeSystem(engine, scene.times), start, scene.times, order)
-    if (accelerations or departing) and order == 2:
-        q, qd, qdd = poses.levels
-        for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
-            at = q[:, k], qd[:, k], scene.times[k]
-            qdd[:, k] = accelerations(*at) if accelerations else qdd[:, k] + departing(*at)  # type: ignore[misc]
-    places = _point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
-    points = ([level[:, k] for level in places] for k in range(len(scene.points)))
-    levels = body_levels(engine, poses, scene.wanted)
-    return answered(scene, levels, points, poses.status, producer, residual=poses.residual)
+
+    def __init__(
+        self,
+        engine: TreeEngine,
+        scene: Scene,
+        producer: Producer,
+        own: Closing | None = None,
+        accelerations: Accelerations | None = None,
+        departing: Accelerations | None = None,
+    ) -> None:
+        self.engine, self.producer = engine, producer
+        self.accelerations, self.departing = accelerations, departing
+        start = engine.tree.start()
+        self._found: Callable[[Sequence[float], int], MarchResult] = (
+            partial(march, TreeSystem(engine, scene.times), start)
+            if own is None
+            else lambda times, order: one_by_one(own, start, times)
+        )
+
+    def solve(self, scene: Scene) -> Motion:
+        poses = self._poses(scene.times, order_of(scene))
+        places = _point_levels(self.engine, poses, [(p.body, p.position) for p in scene.points])
+        points = ([level[:, k] for level in places] for k in range(len(scene.points)))
+        levels = body_levels(self.engine, poses, scene.wanted)
+        return answered(scene, levels, points, poses.status, self.producer, residual=poses.residual)
+
+    def _poses(self, times: Sequence[float], order: int) -> MarchResult:
+        """Return the tree's coordinates and rates up to an order."""
+        poses = self._found(times, order)
+        if (self.accelerations or self.departing) and order == 2:
+            q, qd, qdd = poses.levels
+            for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)).tolist():
+                at = q[:, k], qd[:, k], times[k]
+                if self.accelerations:
+                    qdd[:, k] = self.accelerations(*at)
+                elif self.departing:
+                    qdd[:, k] += self.departing(*at)
+        return poses
 
 
 def body_levels(engine: TreeEngine, march: MarchResult, bodies: Sequence[str]) -> list[Array]:

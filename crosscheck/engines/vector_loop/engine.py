@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from crosscheck.engines import (
     Capabilities,
     EngineError,
     EngineRefusal,
+    KeptModel,
     Level,
     answered,
     refused,
@@ -140,16 +142,29 @@ class VectorLoop(Adapter):
 
     name = "vector_loop"
     solving, table = (ROUTE,), CAPABILITIES
+    kept = dict.fromkeys(solving, "")
 
-    def answer(self, scene: Scene, producer: Producer) -> Motion:
-        reading = Reading(scene)
+    def built(self, scene: Scene, producer: Producer) -> KeptModel:
+        """Return the scene as loops of vectors."""
+        return LoopModel(Reading(scene), producer)
+
+
+@dataclass(frozen=True)
+class LoopModel(KeptModel):
+    """A scene in loops, to be solved by Newton."""
+
+    reading: Reading
+    producer: Producer
+
+    def solve(self, scene: Scene) -> Motion:
+        reading = self.reading
         moved = march(reading.system, scene.times, reading.q0, reading.distance)
         places = _places(reading, moved)
         bodies = [_rows(reading, moved, place, order) for order, place in enumerate(places)]
         moving = zip(*(level[len(scene.wanted) :] for level in places), strict=True)
         of_points = ([np.array([r.real, r.imag]) for r in levels] for levels in moving)
         more = {"residual": moved.residual, "message": _message(moved)}
-        return answered(scene, bodies, of_points, moved.status, producer, **more)
+        return answered(scene, bodies, of_points, moved.status, self.producer, **more)
 
 
 def _message(moved: LoopMarch) -> str:
