@@ -22,6 +22,7 @@ from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
 from crosscheck.report.wording import filled
+from crosscheck.scenes.names import called
 from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
@@ -118,7 +119,9 @@ def print_list(result: Mapping[str, Any]) -> None:
         for key, who in (("cheapest", ""), ("cheapest_engine", ", among the engines alone")):
             title = f"{result['scene']}, {name}: the cheapest way to so many digits{who}"
             out.print(cheapest_table(result[key][poses], title))
-    out.print(methods_table(result["rows"], "Every method at its best: most digits, and what they cost"))
+    out.print(
+        methods_table(result["rows"], "Every method at its best, the setting of most digits: these, and what they cost")
+    )
     for line in lines(result):
         out.print(line)
 
@@ -189,25 +192,39 @@ def _offer(offer: Mapping[str, Any]) -> str:
 
 
 def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
-    """Return for each method and quantity its setting of most digits: digits, and us of one pose, a cycle, in bulk."""
+    """Return each method at its best setting: of each quantity digits, and us of one pose, a cycle, in bulk.
+
+    All of a line is of one setting: else position could cost more than position with rates. It is the one with the most
+    digits of the quantity of which it has fewest.
+    """
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
     numbers = [head for q in quantities for head in (f">{q}\ndigits", ">us: one/\ncycle/bulk")]
-    shown = []
-    best: dict[tuple[str, str, str], dict[str, Any]] = {}
+    settings: dict[tuple[str, str, str], dict[str, dict[str, Mapping[str, Any]]]] = {}
     for row in rows:
-        cells = best.setdefault((row["engine"], row["method"], row["newton_by"]), {"build": None})
-        cells["build"] = row["microseconds_to_build"]
-        if row["digits"] is not None and row["digits"] > cells.get(row["quantity"], {"digits": -1.0})["digits"]:
-            cells[row["quantity"]] = row
-    for name, cells in best.items():
-        build = "-" if cells["build"] is None else f"{cells['build'] / 1e3:.2g}"
-        texts: list[str] = []
-        for chosen in map(cells.get, quantities):
-            prices = [chosen[f"microseconds{SUFFIX[poses]}"] for poses in POSES] if chosen else ()
-            paid = "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
-            texts += [f"{chosen['digits']:.1f}", paid] if chosen else ["-", "-"]
-        shown.append([*name, build, *texts])
+        of_method = settings.setdefault((row["engine"], row["method"], row["newton_by"]), {})
+        of_method.setdefault(row["setting"], {})[row["quantity"]] = row
+    shown = []
+    for (engine, method, newton_by), of_method in settings.items():
+        setting = max(of_method, key=lambda one: sorted(_digits(of_method[one].get(q)) for q in quantities))
+        best = of_method[setting]
+        build = next(iter(best.values()))["microseconds_to_build"]
+        texts = [text for q in quantities for text in _digits_and_prices(best.get(q))]
+        shown.append(
+            [engine, called(method, setting), newton_by, "-" if build is None else f"{build / 1e3:.2g}", *texts]
+        )
     return table("engine", "method", "Newton by", ">build\nms", *numbers, rows=shown, title=title)
+
+
+def _digits(row: Mapping[str, Any] | None) -> float:
+    """Return the digits of a row, fewer than any if there are none."""
+    return -1.0 if row is None or row["digits"] is None else float(row["digits"])
+
+
+def _digits_and_prices(row: Mapping[str, Any] | None) -> tuple[str, str]:
+    if row is None or row["digits"] is None:
+        return "-", "-"
+    prices = [row[f"microseconds{SUFFIX[poses]}"] for poses in POSES]
+    return f"{row['digits']:.1f}", "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
 
 
 def page_of(result: Mapping[str, Any]) -> str:

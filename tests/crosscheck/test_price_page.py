@@ -36,7 +36,7 @@ ROWS = [
     row(setting="1e-9", digits=9.0, microseconds=20.0),
     row(engine="mujoco", method="mj_step", setting="h", digits=4.0, microseconds=100.0),
     row(engine="mujoco", method="mj_step", setting="crash", digits=None, microseconds=None, note="its process ended"),
-    row(digits=2.0, microseconds=30.0, quantity="velocity"),
+    row(setting="1e-9", digits=2.0, microseconds=30.0, quantity="velocity"),
 ]
 
 

@@ -43,16 +43,30 @@ def priced(method: str, digits: float | None, one: float | None, **more: Any) ->
 
 def test_of_each_method_the_setting_of_most_digits_is_shown_with_its_three_prices():
     rows = [
-        priced("newton", 9.0, 123.4),
-        priced("newton", 12.0, 150.6),
-        priced("newton", 11.0, 1.0),
+        priced("newton", 9.0, 123.4, setting="1e-3"),
+        priced("newton", 12.0, 150.6, setting="1e-9"),
+        priced("newton", 11.0, 1.0, setting="1e-6"),
         priced("none", None, 5.0),
     ]
 
     assert cells(price.methods_table(rows, "all")) == [
-        ["mujoco", "newton", "it", "2.5", "12.0", "151/12.3/-"],
+        ["mujoco", "newton, 1e-9", "it", "2.5", "12.0", "151/12.3/-"],
         ["mujoco", "none", "it", "2.5", "-", "-"],
     ]
+
+
+def test_all_that_is_shown_of_a_method_is_of_one_setting_that_of_the_most_digits_where_it_has_fewest():
+    """So nothing costs more for position than for position with rates, for want of one setting for both."""
+    digits = {"1 step": (9.0, 5.0, 4.0, 26.0), "10 steps": (9.1, 5.1, 4.5, 62.0), "100 steps": (9.2, None, 4.6, 700.0)}
+    rows = [
+        priced("steps", found, cost + k, setting=setting, quantity=quantity, microseconds_to_build=cost)
+        for setting, (*of, cost) in digits.items()
+        for k, (quantity, found) in enumerate(zip(("position", "velocity", "acceleration"), of, strict=True))
+    ]
+    shown = ["9.1", "62.0/12.3/-", "5.1", "63.0/12.3/-", "4.5", "64.0/12.3/-"]
+
+    assert cells(price.methods_table(rows, "all")) == [["mujoco", "steps, 10 steps", "it", "0.062", *shown]]
+    assert cells(price.methods_table(rows[::-1], "all"))[0][1] == "steps, 10 steps"
 
 
 def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
