@@ -20,7 +20,7 @@ from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
-from crosscheck.night.hunting import Bag, hunt, hunted, worst_of_night
+from crosscheck.night.hunting import Bag, Start, hunt, hunted, worst_of_night
 from crosscheck.night.plan import ALWAYS, engines_option, replace_file
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
@@ -40,7 +40,7 @@ def hunt_worst(
     night: Path = LATEST,
     scene_seconds: float = SECONDS_PER_SCENE,
 ) -> int:
-    """Hunt for the worst error / allowed: near the worst scenes of a night, then ever nearer to singular poses.
+    """Hunt for the worst error / allowed: the worst scenes of a night, near those, then ever nearer to singular poses.
 
     Exit codes: 0 no error above what is allowed, 1 some, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130
     interrupted.
@@ -48,7 +48,7 @@ def hunt_worst(
     Parameters
     ----------
     minutes
-        How long.
+        How long; the scenes of a night are checked first in any case.
     seed
         Where to begin; the day's date as a number by default.
     engines
@@ -83,7 +83,7 @@ def hunt_worst(
     return DISAGREEMENT if bag.above() else PASS
 
 
-def _starts(night: Path, best: Mapping[str, str]) -> list[tuple[int, int]]:
+def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
     """Return the scenes of a night to start from; none if there is no night."""
     if not (night / "run.json").is_file():
         if night != LATEST:

@@ -1,7 +1,7 @@
 """The hunt for the worst error / allowed: Hypothesis `target()` over scenes in strata of distance to a singular pose.
 
-It begins with the worst scenes of a night, and with what Hypothesis derives from each. Then each stratum takes its
-turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
+It begins with the worst scenes of a night, as the night had them, and with what Hypothesis derives from each. Then each
+stratum takes its turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
 method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in least
 errors, which is known where a budget of first order says nothing. A ratio above 1 is an error of the engine, or a term
 missing from the budget.
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count, zip_longest
@@ -23,8 +24,9 @@ from crosscheck.engines.methods import Use, methods
 from crosscheck.errors import UsageError
 from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
 from crosscheck.measure.jobs import checkers
-from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe, profile
+from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe, draw, profile
 from crosscheck.strategies import Hardness, drawn_scenes
+from crosscheck.workers.pool import Pool
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
@@ -33,7 +35,7 @@ STRATA = ((1.0, 3.0), (3.0, 6.0), (6.0, 9.0), (9.0, 12.0), (12.0, 15.0))
 FINEST_SLACK = 12.0
 """Lengths whose sums are exact have no slack below this many decades; nearer than that only limits are approached."""
 SAMPLES = 12
-"""Times per scene: a hunt wants scenes, not times."""
+"""Times per scene that is drawn: a hunt wants scenes, not times."""
 A_TURN = 40
 """Scenes of a stratum before the next has its turn."""
 CERTIFICATE = "certificate"
@@ -41,10 +43,10 @@ CERTIFICATE = "certificate"
 
 Target = tuple[str, str, str]
 """Engine, method, quantity."""
-
-
+Start = tuple[int, int]
+"""Seed and number of a night's scene."""
 MOST_STARTS = 12
-"""Scenes of a night from which a hunt starts."""
+"""Scenes of a night from which a hunt starts; more, if the worst of every target is not among so many."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def hunt(
     *,
     scene_seconds: float,
     strata: Sequence[tuple[float, float]] = STRATA,
-    starts: Sequence[tuple[int, int]] = (),
+    starts: Sequence[Start] = (),
     bag: Bag | None = None,
     progress: Callable[[Bag], None] = lambda bag: None,
 ) -> Bag:
@@ -97,7 +99,7 @@ def hunt(
     engines : mapping
         Name -> what `crosscheck.engines.load` takes for it.
     seconds : float
-        After this long no further scene is checked.
+        After this long no further scene is checked, but for those to begin with.
     seed_of_hunt : int
         The same one hunts in the same places, as far as its time goes.
     scene_seconds : float
@@ -105,7 +107,8 @@ def hunt(
     strata : sequence of (low, high)
         Decades of the distance or slack in which scenes are drawn, as `STRATA` has them.
     starts : sequence of (seed, number)
-        Scenes of nights to begin with.
+        Scenes of nights to begin with: each is checked at the times that its night had, so that nothing less than what
+        the night had is called the worst.
     bag : Bag, optional
         Where the catches go: whoever breaks the hunt off still has them.
     progress : callable
@@ -114,44 +117,71 @@ def hunt(
     bag, end = Bag() if bag is None else bag, time.monotonic() + seconds
     best = hunted(engines)
     with checkers(1, engines, scene_seconds) as pool:
-
-        def check(drawn: AnyDrawn, origin: str) -> None:
-            if time.monotonic() > end:
-                raise OutOfTime
-            try:
-                record = pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
-            except Exception as error:  # told here: Hypothesis would try it again, and say that it is flaky
-                bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
-                return
-            _weigh(bag, best, record, drawn.scene, origin)
-            progress(bag)
-
-        for origin, turn in _turns(check, seed_of_hunt, strata, starts):
-            try:
-                turn()
-            except OutOfTime:
-                break
-            except Exception as error:  # one turn that breaks off, be it in Hypothesis, is told and costs no other
-                bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
-            if time.monotonic() > end:
-                break
+        hunter = _Hunter(pool, best, bag, end, progress)
+        for start in starts:
+            hunter.look_at_start(*start)
+        with suppress(OutOfTime):
+            for origin, turn in _turns(hunter.near, seed_of_hunt, strata, starts):
+                hunter.try_turn(origin, turn)
+                if time.monotonic() > end:
+                    break
     return bag
 
 
-Check = Callable[[AnyDrawn, str], None]
-"""Checks a scene; told where it is from."""
+@dataclass
+class _Hunter:
+    """Checks one scene after the other until a time; what it meets goes into the bag."""
+
+    pool: Pool
+    best: Mapping[str, str]
+    bag: Bag
+    end: float
+    progress: Callable[[Bag], None]
+
+    def try_turn(self, origin: str, turn: Callable[[], object]) -> None:
+        """Do what a turn asks for; one that breaks off, be it in Hypothesis, is told and costs no other."""
+        try:
+            turn()
+        except Exception as error:
+            self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
+
+    def look_at_start(self, night: int, number: int) -> None:
+        """Check the scene of a night at the times that it had there, however late it is."""
+        origin = f"scene {number} of night {night}"
+        self.try_turn(origin, lambda: self.look(draw(night, number), origin))
+
+    def look(self, drawn: AnyDrawn, origin: str) -> dict[Target, float]:
+        """Check a scene, keep what is worse than before, and return how bad it is."""
+        try:
+            record = self.pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
+        except Exception as error:  # told here: Hypothesis would try it again, and say that it is flaky
+            self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
+            return {}
+        met = _weigh(self.bag, self.best, record, drawn.scene, origin)
+        self.progress(self.bag)
+        return met
+
+    def near(self, origin: str) -> Callable[[AnyDrawn], None]:
+        """Return what checks scenes from one place for Hypothesis, as long as there is time."""
+
+        def check(drawn: AnyDrawn) -> None:
+            if time.monotonic() > self.end:
+                raise OutOfTime
+            for name, ratio in self.look(drawn, origin).items():
+                target(math.log10(max(ratio, 1e-30)), label=" ".join(name))
+
+        return check
 
 
 def _turns(
-    check: Check, seed_of_hunt: int, strata: Sequence[tuple[float, float]], starts: Sequence[tuple[int, int]]
+    near: Callable[[str], Callable[[AnyDrawn], None]],
+    seed_of_hunt: int,
+    strata: Sequence[tuple[float, float]],
+    starts: Sequence[Start],
 ) -> Iterator[tuple[str, Callable[[], None]]]:
-    """Yield what is hunted, and how: the scenes of nights and what lies near them, then strata without end."""
-
-    def near(origin: str) -> Callable[[AnyDrawn], None]:
-        return lambda drawn: check(drawn, origin)
-
+    """Yield where is hunted, and how: near scenes of nights, then strata without end."""
     for night, number in starts:
-        origin = f"scene {number} of night {night}"
+        origin = f"near scene {number} of night {night}"
         yield origin, partial(climb, night, number, near(origin), A_TURN, SAMPLES)
     for turn in count():
         stratum = strata[turn % len(strata)]
@@ -168,7 +198,7 @@ def hunted(engines: Mapping[str, str]) -> dict[str, str]:
     return {name: best.called for name, (best, *_) in compared.items()}
 
 
-def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[tuple[int, int]]:
+def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[Start]:
     """Return (seed, number) of the scenes of a night with the largest error / allowed, the worst of each target first.
 
     Parameters
@@ -188,7 +218,8 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
             worst.setdefault(name, []).append((ratio, int(record.about["shard"] or 0)))
     ranked = [sorted(scenes, reverse=True) for scenes in worst.values()]
     in_turn = [place[1] for places in zip_longest(*ranked) for place in sorted(filter(None, places), reverse=True)]
-    return [(seed_of_night, number) for number in list(dict.fromkeys(in_turn))[:MOST_STARTS]]
+    most = max(MOST_STARTS, len(worst))
+    return [(seed_of_night, number) for number in list(dict.fromkeys(in_turn))[:most]]
 
 
 def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:
@@ -226,14 +257,15 @@ def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, fl
             yield (engine, method, CERTIFICATE), answer.certificate.radii
 
 
-def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:
-    """Tell Hypothesis how bad a scene is, and keep what is worse than anything before."""
+def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> dict[Target, float]:
+    """Keep what is worse in a scene than anything before, and return how bad it is."""
     bag.scenes += 1
     if record.failure is not None:
         bag.failures.append(f"{record.key}: {record.failure}")
-        return
+        return {}
     bag.failures += [f"{record.key}: {d.engine}: {d.name}" for d in record.disagreements if d.kind in ENDED]
-    for name, ratio in ratios(record, best):
-        target(math.log10(max(ratio, 1e-30)), label=" ".join(name))
+    met = dict(ratios(record, best))
+    for name, ratio in met.items():
         if name not in bag.catches or ratio > bag.catches[name].ratio:
             bag.catches[name] = Catch(ratio, scene, origin, bag.scenes)
+    return met

@@ -153,8 +153,12 @@ def test_hypothesis_is_told_how_bad_a_scene_is_and_what_is_worse_than_before_is_
     told, bag, now = [], Bag(), {("a", "m", "position"): 0.02, ("a", "m", "velocity"): 0.0}
     monkeypatch.setattr(hunting, "target", lambda value, label: told.append((label, value)))
     monkeypatch.setattr(hunting, "ratios", lambda record, best: now.items())
+    pool = Plain(check_one=lambda job: Plain(failure=None, disagreements=()))
+    monkeypatch.setattr(hunting, "to_dict", lambda scene: {})
+    monkeypatch.setattr(hunting, "describe", lambda drawn: {})
+    hunter = hunting._Hunter(pool, {}, bag, math.inf, lambda bag: None)
     for scene in ("first", "second", "third"):
-        hunting._weigh(bag, {}, Plain(failure=None, disagreements=()), scene, "")
+        hunter.near("")(Plain(scene=scene))
         now["a", "m", "position"] = {"first": 0.5, "second": 0.1}.get(scene)
 
     assert told[:2] == [("a m position", pytest.approx(math.log10(0.02))), ("a m velocity", -30.0)]

@@ -17,9 +17,10 @@ from crosscheck.night import hunting
 from crosscheck.night.campaign import OtherRun, make_room
 from crosscheck.night.disagreements import LONGEST_NAME, slug
 from crosscheck.night.golden import differences
-from crosscheck.night.hunting import Bag, hunt, worst_of_night
+from crosscheck.night.hunting import MOST_STARTS, Bag, hunt, worst_of_night
 from crosscheck.night.plan import engines_option
-from crosscheck.scenes.drawing import climb, draw
+from crosscheck.scenes.drawing import MOST_OF_SPACE, SAMPLES, climb, draw
+from refkin.scenes.files import parse
 
 from .report_records import answer, good_answer, outcome, quantity, record, typed, write
 from .report_records import built as report_of
@@ -132,10 +133,10 @@ def test_a_line_to_replay_names_the_engines_that_are_not_asked_anyway():
 
 
 class Pool:
-    """Workers that answer every scene the same way, or fail at the first one."""
+    """Workers that answer every scene the same way, or fail at the first one; `jobs` are what they were asked."""
 
     def __init__(self, fails: bool = False) -> None:
-        self.fails, self.asked = fails, 0
+        self.fails, self.jobs = fails, list[Any]()
 
     def __enter__(self) -> Pool:
         return self
@@ -144,8 +145,8 @@ class Pool:
         pass
 
     def check_one(self, job: Any) -> Any:
-        self.asked += 1
-        if self.fails and self.asked == 1:
+        self.jobs.append(job)
+        if self.fails and len(self.jobs) == 1:
             raise RuntimeError("planted")
         places = EnclosedTimes(inside=1, outside=0, undecidable=0, no_answer=0, radii=0.1)
         met = typed(record("a", answer("mujoco", {"position": quantity({-1: [15.0]}, 0.5)})))
@@ -189,6 +190,28 @@ def test_a_hunt_starts_from_the_worst_scenes_of_a_night(tmp_path, hunted):
 
     assert starts == [(5, 1), (5, 2), (5, 0)]
     assert {catch.origin for catch in bag.catches.values()} == {"scene 1 of night 5"}
+
+
+def test_the_scenes_of_a_night_come_first_at_its_times_whatever_time_there_is(hunted):
+    """Drawn anew at fewer times a scene had less than the night had seen in it, and time ended before the last ones."""
+    pool, starts = Pool(), [(5, 1), (5, 9), (5, 6)]
+    bag = hunted(pool, seconds=0.0, starts=starts)
+    asked = [parse(job["scene"]) for job in pool.jobs]
+
+    assert asked == [draw(*start).scene for start in starts]
+    assert [len(scene.times) for scene in asked] == [SAMPLES, MOST_OF_SPACE, SAMPLES]
+    assert (bag.scenes, bag.failures) == (3, [])
+
+
+def test_the_worst_of_every_target_of_a_night_is_among_the_scenes_to_start_from(tmp_path):
+    """Of more targets than `MOST_STARTS`, too: own engines add some."""
+    count = MOST_STARTS + 3
+    met = [
+        {**record(str(k), answer("mujoco", {f"quantity {k}": quantity({}, 1.0 / (1 + k))})), "about": {"shard": k}}
+        for k in range(count)
+    ]
+
+    assert worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5) == [(5, k) for k in range(count)]
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_hunted_for(tmp_path, monkeypatch):
