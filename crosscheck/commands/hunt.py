@@ -17,18 +17,21 @@ from crosscheck.commands.usage import Json, Whole, console, positive, printable,
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
+from crosscheck.judge.known_gaps import told
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
-from crosscheck.night.hunting import Bag, Start, hunt, hunted, worst_of_night
+from crosscheck.night.hunting import CERTIFICATE, Bag, Start, hunt, hunted, worst_of_night
 from crosscheck.night.plan import ALWAYS, engines_option, replace_file
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
 from crosscheck.scenes.names import called
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
+from refkin.model import Scene
 from refkin.scenes.files import to_toml
 
 LATEST = Path("reports/latest")
+LEAST_ERRORS = "least errors (radii) from the certified pose"
 
 
 def hunt_worst(
@@ -42,7 +45,9 @@ def hunt_worst(
 ) -> int:
     """Hunt for the worst error / allowed: the worst scenes of a night, near those, then ever nearer to singular poses.
 
-    Exit codes: 0 no error above what is allowed, 1 some, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130
+    Each engine is hunted by its best method. To blame is what `crosscheck replay` calls a disagreement; that asks every
+    method, and may blame others beside. How far a position lies from the certified one is shown, and is no error yet.
+    Exit codes: 0 nobody is to blame, 1 somebody is, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130
     interrupted.
 
     Parameters
@@ -54,7 +59,7 @@ def hunt_worst(
     engines
         Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
     out
-        The folder for the worst scene of each target, as a scene file to replay.
+        The folder for the worst scene of each target and of each kind of disagreement, as scene files to replay.
     night
         The folder of a night, from whose worst scenes to start, if there is one.
     scene_seconds
@@ -80,7 +85,7 @@ def hunt_worst(
         _print_bag(bag, out)
     if bag.failures:
         return INFRASTRUCTURE
-    return DISAGREEMENT if bag.above() else PASS
+    return DISAGREEMENT if bag.blames else PASS
 
 
 def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
@@ -95,20 +100,32 @@ def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
 def _write_bag(bag: Bag, out: Path, engines: Sequence[str]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for name, catch in bag.catches.items():
-        file = f"{slug(*name)}.toml"
-        comment = f"# {' '.join(name)}: {catch.ratio:.3g} times the allowed error, the worst of {bag.scenes} scenes\n"
-        again = f"# Show it again: crosscheck replay {file}{engines_option(engines)}\n\n"
-        replace_file(out / file, printable(comment) + again + to_toml(catch.scene))
+        unit = LEAST_ERRORS if name[2] == CERTIFICATE else "times the allowed error"
+        about = f"{' '.join(name)}: {catch.ratio:.3g} {unit}, the worst of {bag.scenes} scenes"
+        _write_scene(out / f"{slug(*name)}.toml", about, catch.scene, engines)
+    for signature, blame in bag.blames.items():
+        about = told(blame.record, blame.disagreement)
+        _write_scene(out / f"{slug(*signature)}.toml", about, blame.scene, engines)
+
+
+def _write_scene(file: Path, about: str, scene: Scene, engines: Sequence[str]) -> None:
+    comment = "".join(f"# {line}\n" for line in printable(about).splitlines())
+    again = f"# Show it again: crosscheck replay {file.name}{engines_option(engines)}\n\n"
+    replace_file(file, comment + again + to_toml(scene))
 
 
 def _print_bag(bag: Bag, out: Path) -> None:
-    shown = console(160)
-    worst = sorted(bag.catches.items(), key=lambda pair: -pair[1].ratio)
-    rows = ([*name, f"{catch.ratio:.3g}", catch.origin, catch.number] for name, catch in worst)
-    heads = ("engine", "method", "quantity", ">error/allowed", ">starting from", ">number of the scene")
+    shown, rows = console(160), []
+    for name, catch in sorted(bag.catches.items(), key=lambda pair: (pair[0][2] == CERTIFICATE, -pair[1].ratio)):
+        numbers = ["-", f"{catch.ratio:.3g}"] if name[2] == CERTIFICATE else [f"{catch.ratio:.3g}", "-"]
+        rows.append([*name, *numbers, catch.origin, catch.number])
+    numbers_of = (">error/allowed", ">certificate,\nradii")
+    heads = ("engine", "method", "quantity", *numbers_of, ">starting from", ">number of the scene")
     shown.print(table(*heads, rows=rows, title=f"The worst of {bag.scenes} scenes"))
-    for name, catch in bag.above():
-        shown.print(f"above 1: {' '.join(name)}, {catch.ratio:.3g} times the allowed error")
+    for blame in sorted(bag.blames.values(), key=lambda blame: -blame.ratio):
+        shown.print(f"to blame: {told(blame.record, blame.disagreement)}")
+    for who, scenes in bag.beside.most_common():
+        shown.print(f"not hunted, though replay blames it: {who}, in {scenes} of the scenes")
     for failure in bag.failures:
         shown.print(f"failed: {failure}")
     shown.print(f"scenes: {out}")

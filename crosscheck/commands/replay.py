@@ -18,13 +18,13 @@ from crosscheck.commands.engines import (
 )
 from crosscheck.commands.usage import Json, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
-from crosscheck.judge.known_gaps import read
+from crosscheck.judge.known_gaps import told
 from crosscheck.measure.conform import LEVELS, LevelFault, Reply, hard_replies, replies, summary
-from crosscheck.measure.jobs import checkers
+from crosscheck.measure.jobs import by_itself, checkers
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
-from refkin.scenes.files import load, to_dict
+from refkin.scenes.files import load
 from refkin.solving.limits import said_if_long
 
 
@@ -46,7 +46,7 @@ def replay(
     scene_seconds
         An engine that takes longer [s] is stopped, and counts as hanging.
     """
-    job = {"scene": to_dict(load(scene)), "about": {"of_features": features}, "arbiter": True}
+    job = by_itself(load(scene), features=features)
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
     specs = {name: spec for name, (spec, _) in installed.items()}
@@ -65,8 +65,7 @@ def replay(
     for line in [*refusal_lines(record.refusals), *missing.values(), *pool.unexplained]:
         out.print(line)
     for disagreement in record.disagreements:
-        gap = next((gap for gap in read() if gap.covers(record, disagreement)), None)
-        out.print(f"{disagreement}{f' [known since {gap.date}: {gap.reason}]' if gap else ''}")
+        out.print(told(record, disagreement))
     if missing:
         return ENGINE_MISSING
     return DISAGREEMENT if record.disagreements else PASS

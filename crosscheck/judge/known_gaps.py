@@ -153,6 +153,12 @@ def table(choice: str = "") -> tuple[KnownGap, ...]:
         raise UsageError(f"{choice}: {error}") from error
 
 
+def told(record: Record, disagreement: Disagreement) -> str:
+    """Return a disagreement of a record in words, with the gap of ours that accounts for it, if one does."""
+    gap = next((gap for gap in read() if gap.covers(record, disagreement)), None)
+    return f"{disagreement}{f' [known since {gap.date}: {gap.reason}]' if gap else ''}"
+
+
 def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int | None]:
     """Return for each row how many records it took until one showed it; None if none did.
 

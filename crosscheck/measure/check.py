@@ -74,6 +74,8 @@ REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
 ROWS = "rows"
 """The method of an engine's own rows."""
+ANY = "any"
+"""What stands for its method where an engine is wrong whatever the method."""
 
 
 def key_of(scene: Scene) -> str:
@@ -206,7 +208,7 @@ class _Part:
 
 def ended(engine: str, failure: Failure) -> Disagreement:
     """Return that something ended an engine at a scene."""
-    who: Any = {"engine": engine, "method": "any", "quantity": "status"}
+    who: Any = {"engine": engine, "method": ANY, "quantity": "status"}
     return Disagreement(**who, kind=Cause(failure.kind.value), how=failure.how, message=failure.text)
 
 
@@ -227,14 +229,14 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
         names = [method.called for method in compared]
         if best is None or len(set(names)) < len(names):
             message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
-            part.blame("any", wrong("status", Cause.NOT_DELIVERED, message))
+            part.blame(ANY, wrong("status", Cause.NOT_DELIVERED, message))
         for method in compared:
             _check_method(engine, method, subject, part, best=method is best)
     if hasattr(engine, "constraints"):
         with undisturbed():
             _check_levels(engine, subject, part)
     if subject.changed():
-        part.blame("any", wrong("status", Cause.CHANGED))
+        part.blame(ANY, wrong("status", Cause.CHANGED))
     return part
 
 

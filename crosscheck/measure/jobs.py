@@ -17,7 +17,7 @@ from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
 from crosscheck.workers.processes import Failure, FailureKind, preload
 from refkin.model import Scene
-from refkin.scenes.files import parse
+from refkin.scenes.files import parse, to_dict
 
 
 def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
@@ -46,6 +46,18 @@ def _adds_nothing(about: Mapping[str, Any], seen: Mapping[str, int]) -> bool:
     """Whether a scene keeps away from singular poses, and every two of its features were met often enough."""
     least = min((seen.get(pair, 0) for pair in pairs_of(about)), default=0)
     return about.get("hardness") == Hardness.REGULAR and not about["of_features"] and least >= WELL_KNOWN
+
+
+def by_itself(scene: Scene, *, features: bool = False) -> dict[str, Any]:
+    """Return the job of a scene of which nothing else is known, with the arbiter: whoever asks so hears the same.
+
+    Parameters
+    ----------
+    scene : Scene
+    features : bool
+        Whether engines are also asked by the features that a night tests apart.
+    """
+    return {"scene": to_dict(scene), "about": {"of_features": features}, "arbiter": True}
 
 
 def check_job(job: Mapping[str, Any]) -> Record | Failure:

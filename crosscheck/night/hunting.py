@@ -2,15 +2,20 @@
 
 It begins with the worst scenes of a night, as the night had them, and with what Hypothesis derives from each. Then each
 stratum takes its turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
-method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in least
-errors, which is known where a budget of first order says nothing. A ratio above 1 is an error of the engine, or a term
-missing from the budget.
+method, at every level, is a target of its own. A ratio above 1 is an error of the engine, or a term missing from the
+budget.
+
+How far a position lies from the certificate's enclosure is a target, too: it is known where a budget of first order
+says nothing, and leads there. It has no limit: its unit, the least error of float64, grants a documented stopping rule
+what that leaves in a regular pose, and only a budget knows what a singular one makes of it. So nobody is blamed for it,
+neither by the judge nor here. Blamed is what the judge calls a disagreement, as `crosscheck replay` does.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,13 +27,13 @@ from hypothesis import Phase, given, seed, settings, target
 
 from crosscheck.engines.methods import Use, methods
 from crosscheck.errors import UsageError
-from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
-from crosscheck.measure.jobs import checkers
-from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe, draw, profile
+from crosscheck.judge.records import ENDED, Disagreement, Record, Unreadable, read_records
+from crosscheck.measure.check import ANY, ROWS
+from crosscheck.measure.jobs import by_itself, checkers
+from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, draw, profile
 from crosscheck.strategies import Hardness, drawn_scenes
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
-from refkin.scenes.files import to_dict
 
 STRATA = ((1.0, 3.0), (3.0, 6.0), (6.0, 9.0), (9.0, 12.0), (12.0, 15.0))
 """Decades of the distance to a limit position, or of the slack: 10^-k to 10^-k'."""
@@ -39,7 +44,7 @@ SAMPLES = 12
 A_TURN = 40
 """Scenes of a stratum before the next has its turn."""
 CERTIFICATE = "certificate"
-"""The quantity whose ratio is the distance from the enclosure of the position, in least errors."""
+"""The quantity whose ratio is the distance from the enclosure of the position, in least errors: no error / allowed."""
 
 Target = tuple[str, str, str]
 """Engine, method, quantity."""
@@ -59,26 +64,80 @@ class Catch:
     number: int
 
 
+@dataclass(frozen=True)
+class Blame:
+    """What the judge calls a disagreement of a hunted method, with the record that says so, and where it was met."""
+
+    disagreement: Disagreement
+    record: Record
+    scene: Scene
+    origin: str
+    number: int
+
+    @property
+    def ratio(self) -> float:
+        """Its error / allowed; 0 where it is about something else."""
+        return self.disagreement.ratio or 0.0
+
+
 @dataclass
 class Bag:
-    """What a hunt brings home: catches by target, how many scenes were checked, and what failed.
+    """What a hunt brings home: catches by target, how many scenes were checked, what failed, and who is to blame.
 
-    That is scenes that could not be checked, engines that crashed or hung, turns that broke off.
+    What failed is scenes that could not be checked, engines that crashed or hung, turns that broke off. Of each kind of
+    disagreement the worst is kept; of methods that are not hunted it is counted `beside`, in how many scenes.
     """
 
     catches: dict[Target, Catch] = field(default_factory=dict)
     scenes: int = 0
     failures: list[str] = field(default_factory=list)
+    blames: dict[tuple[str, ...], Blame] = field(default_factory=dict)
+    beside: Counter[str] = field(default_factory=Counter)
 
     @property
     def worst(self) -> float:
-        """The largest ratio so far."""
-        return max((catch.ratio for catch in self.catches.values()), default=0.0)
+        """The largest error / allowed so far."""
+        ratios_of_errors = (catch.ratio for (*_, quantity), catch in self.catches.items() if quantity != CERTIFICATE)
+        return max(ratios_of_errors, default=0.0)
 
-    def above(self, limit: float = 1.0) -> list[tuple[Target, Catch]]:
-        """Return the catches with a ratio above a limit, the worst first."""
-        caught = [(name, catch) for name, catch in self.catches.items() if catch.ratio > limit]
-        return sorted(caught, key=lambda pair: -pair[1].ratio)
+    def add(self, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> dict[Target, float]:
+        """Keep what is worse in a scene than anything before, and return how bad it is.
+
+        Parameters
+        ----------
+        best : mapping
+            Name of each engine -> its best method: the others are not hunted.
+        record, scene : Record, Scene
+            What was measured of which scene.
+        origin : str
+            Where the scene is from.
+        """
+        self.scenes += 1
+        if record.failure is not None:
+            self.failures.append(f"{record.key}: {record.failure}")
+            return {}
+        self.failures += [f"{record.key}: {d.engine}: {d.name}" for d in record.disagreements if d.kind in ENDED]
+        self._blame(best, record, scene, origin)
+        met = dict(ratios(record, best))
+        for name, ratio in met.items():
+            if name not in self.catches or ratio > self.catches[name].ratio:
+                self.catches[name] = Catch(ratio, scene, origin, self.scenes)
+        return met
+
+    def _blame(self, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:
+        beside = set()
+        for d in record.disagreements:
+            blame, known = Blame(d, record, scene, origin, self.scenes), self.blames.get(d.signature)
+            if not _is_hunted(d, best):
+                beside.add(f"{d.engine} ({d.method}), {d.quantity}: {d.name}")
+            elif d.kind not in ENDED and (known is None or blame.ratio > known.ratio):
+                self.blames[d.signature] = blame
+        self.beside.update(beside)
+
+
+def _is_hunted(disagreement: Disagreement, best: Mapping[str, str]) -> bool:
+    """Whether it is one of a best method, or of its engine whatever the method."""
+    return disagreement.method in (best.get(disagreement.engine), ANY, ROWS)
 
 
 def hunt(
@@ -153,11 +212,11 @@ class _Hunter:
     def look(self, drawn: AnyDrawn, origin: str) -> dict[Target, float]:
         """Check a scene, keep what is worse than before, and return how bad it is."""
         try:
-            record = self.pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
+            record = self.pool.check_one(by_itself(drawn.scene))
         except Exception as error:  # told here: Hypothesis would try it again, and say that it is flaky
             self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
             return {}
-        met = _weigh(self.bag, self.best, record, drawn.scene, origin)
+        met = self.bag.add(self.best, record, drawn.scene, origin)
         self.progress(self.bag)
         return met
 
@@ -255,17 +314,3 @@ def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, fl
                 yield (engine, method, quantity), compared.ratio
         if answer.certificate is not None and answer.certificate.radii is not None:
             yield (engine, method, CERTIFICATE), answer.certificate.radii
-
-
-def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> dict[Target, float]:
-    """Keep what is worse in a scene than anything before, and return how bad it is."""
-    bag.scenes += 1
-    if record.failure is not None:
-        bag.failures.append(f"{record.key}: {record.failure}")
-        return {}
-    bag.failures += [f"{record.key}: {d.engine}: {d.name}" for d in record.disagreements if d.kind in ENDED]
-    met = dict(ratios(record, best))
-    for name, ratio in met.items():
-        if name not in bag.catches or ratio > bag.catches[name].ratio:
-            bag.catches[name] = Catch(ratio, scene, origin, bag.scenes)
-    return met

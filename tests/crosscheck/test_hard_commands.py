@@ -10,9 +10,10 @@ from types import SimpleNamespace as Plain
 import pytest
 
 import refkin
+from crosscheck.judge.records import Cause, Disagreement
 from crosscheck.measure.hard_table import hard_case_rows, spread
 from crosscheck.night import hunting
-from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
+from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, hunt, ratios, turn_of
 from crosscheck.report.measured import measured
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
@@ -107,8 +108,22 @@ def test_a_hunt_finds_a_planted_error_and_in_which_scene():
 
     assert bag.scenes > 3
     assert bag.failures == []
-    assert bag.above()
+    assert ("wrong", "planted", "position", "beyond the allowed error") in bag.blames
     assert all(math.isfinite(catch.ratio) for catch in bag.catches.values())
+
+
+def test_replay_of_what_a_hunt_has_written_blames_the_same(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)  # where there is no night
+    wrong = ("--engines", f"{ENGINES}:Wrong")
+    hunted, said, _ = command("hunt", *wrong, "--minutes", "0.05", "--seed", "1", "--out", tmp_path / "hunt")
+    (file,) = (tmp_path / "hunt").glob("wrong-planted-position-beyond-*.toml")
+    replayed, again, _ = command("replay", file, *wrong)
+    blamed = file.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+
+    assert (hunted, replayed) == (1, 1)
+    assert blamed.startswith("wrong (planted), position: beyond the allowed error")
+    assert " ".join(blamed.split()) in " ".join(again.split())
+    assert f"to blame: {blamed.partition(';')[0]}" in " ".join(said.split())
 
 
 @pytest.mark.parametrize("stratum", STRATA)
@@ -131,10 +146,13 @@ class Enough(Exception):
     pass
 
 
-def test_the_worst_comes_first():
-    catches = {("e", "r", q): Catch(ratio, SCENE, (1.0, 3.0), 1) for q, ratio in (("a", 2.0), ("b", 9.0), ("c", 0.5))}
+def test_of_each_kind_of_disagreement_the_worst_is_kept():
+    bag, who = Bag(), {"engine": "e", "method": "m", "quantity": "position", "kind": Cause.BEYOND}
+    for ratio in (2.0, 9.0, 3.0):
+        record = Plain(failure=None, answers=(), disagreements=[Disagreement(**who, ratio=ratio)])
+        bag.add({"e": "m"}, record, SCENE, "")
 
-    assert [name[2] for name, _ in Bag(catches, 3, []).above()] == ["b", "a"]
+    assert [(blame.ratio, blame.number) for blame in bag.blames.values()] == [(9.0, 2)]
 
 
 def test_only_best_methods_are_hunted():
@@ -154,8 +172,7 @@ def test_hypothesis_is_told_how_bad_a_scene_is_and_what_is_worse_than_before_is_
     monkeypatch.setattr(hunting, "target", lambda value, label: told.append((label, value)))
     monkeypatch.setattr(hunting, "ratios", lambda record, best: now.items())
     pool = Plain(check_one=lambda job: Plain(failure=None, disagreements=()))
-    monkeypatch.setattr(hunting, "to_dict", lambda scene: {})
-    monkeypatch.setattr(hunting, "describe", lambda drawn: {})
+    monkeypatch.setattr(hunting, "by_itself", lambda scene: {})
     hunter = hunting._Hunter(pool, {}, bag, math.inf, lambda bag: None)
     for scene in ("first", "second", "third"):
         hunter.near("")(Plain(scene=scene))

@@ -9,23 +9,26 @@ from typing import Any
 
 import pytest
 
+import refkin
 from crosscheck.commands import hunt as hunting_command
+from crosscheck.commands.replay import replay
 from crosscheck.commands.usage import Printable, printable
 from crosscheck.errors import UsageError
-from crosscheck.judge.records import EnclosedTimes
+from crosscheck.judge.records import Cause, EnclosedTimes
 from crosscheck.night import hunting
 from crosscheck.night.campaign import OtherRun, make_room
 from crosscheck.night.disagreements import LONGEST_NAME, slug
 from crosscheck.night.golden import differences
-from crosscheck.night.hunting import MOST_STARTS, Bag, hunt, worst_of_night
+from crosscheck.night.hunting import CERTIFICATE, MOST_STARTS, Bag, Catch, hunt, worst_of_night
 from crosscheck.night.plan import engines_option
 from crosscheck.scenes.drawing import MOST_OF_SPACE, SAMPLES, climb, draw
 from refkin.scenes.files import parse
 
-from .report_records import answer, good_answer, outcome, quantity, record, typed, write
+from .report_records import answer, disagreement, good_answer, outcome, quantity, record, typed, write
 from .report_records import built as report_of
 
 ROOT = Path(__file__).parent.parent.parent
+SCENE = refkin.load(ROOT / "examples" / "crank-rocker.toml")
 EVIL = "\x1b]0;owned\x07\x1b[2J"
 
 
@@ -135,8 +138,9 @@ def test_a_line_to_replay_names_the_engines_that_are_not_asked_anyway():
 class Pool:
     """Workers that answer every scene the same way, or fail at the first one; `jobs` are what they were asked."""
 
-    def __init__(self, fails: bool = False) -> None:
-        self.fails, self.jobs = fails, list[Any]()
+    def __init__(self, fails: bool = False, ratio: float = 0.5, radii: float = 0.1, *wrong: Any) -> None:
+        self.fails, self.ratio, self.radii, self.wrong = fails, ratio, radii, wrong
+        self.jobs, self.unexplained = list[Any](), ()
 
     def __enter__(self) -> Pool:
         return self
@@ -148,8 +152,9 @@ class Pool:
         self.jobs.append(job)
         if self.fails and len(self.jobs) == 1:
             raise RuntimeError("planted")
-        places = EnclosedTimes(inside=1, outside=0, undecidable=0, no_answer=0, radii=0.1)
-        met = typed(record("a", answer("mujoco", {"position": quantity({-1: [15.0]}, 0.5)})))
+        places = EnclosedTimes(inside=1, outside=0, undecidable=0, no_answer=0, radii=self.radii)
+        position = {"position": quantity({-1: [15.0]}, self.ratio)}
+        met = typed(record("a", answer("mujoco", position), disagreements=list(self.wrong)))
         return replace(met, answers=[replace(met.answers[0], certificate=places)])
 
 
@@ -212,6 +217,81 @@ def test_the_worst_of_every_target_of_a_night_is_among_the_scenes_to_start_from(
     ]
 
     assert worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5) == [(5, k) for k in range(count)]
+
+
+@pytest.fixture
+def hunt_of(tmp_path, monkeypatch, capsys):
+    """The command with workers that are none: its exit code and what it prints; scenes go to `tmp_path`."""
+
+    def run(pool: Pool) -> tuple[int, str]:
+        monkeypatch.chdir(tmp_path)
+        for module in (hunting, hunting_command):
+            monkeypatch.setattr(module, "hunted", lambda engines: {"mujoco": "newton"})
+        monkeypatch.setattr(hunting, "checkers", lambda *_: pool)
+        return hunting_command.hunt_worst(
+            minutes=0.02, seed=1, out=tmp_path, engines="closed_form"
+        ), capsys.readouterr().out
+
+    return run
+
+
+def test_a_distance_from_the_certificate_is_no_error_and_nobody_is_blamed_for_it(tmp_path, hunt_of):
+    """18.5 least errors were called 18.5 times the allowed error, and were a disagreement that no replay showed."""
+    code, said = hunt_of(Pool(False, 0.03, 18.5))
+    files = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.glob("*.toml")}
+
+    assert code == 0
+    assert [line.replace("│", " ").split()[:5] for line in said.splitlines() if " newton " in line] == [
+        ["mujoco", "newton", "position", "0.03", "-"],
+        ["mujoco", "newton", "certificate", "-", "18.5"],
+    ]
+    assert "to blame" not in said
+    assert "# mujoco newton certificate: 18.5 least errors (radii) from" in files["mujoco-newton-certificate.toml"]
+    assert "# mujoco newton position: 0.03 times the allowed error" in files["mujoco-newton-position.toml"]
+    assert len(files) == 2
+
+
+def test_how_far_a_hunt_is_it_says_in_errors_alone():
+    catches = {("e", "m", name): Catch(ratio, SCENE, "", 1) for name, ratio in (("position", 0.5), (CERTIFICATE, 18.5))}
+
+    assert (Bag(catches).worst, Bag().worst) == (0.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("who", "code"),
+    [
+        ({}, 1),
+        ({"quantity": "status", "kind": Cause.NO_ANSWER, "ratio": None, "at": None}, 1),
+        ({"method": "any", "quantity": "status", "kind": Cause.CHANGED}, 1),
+        ({"method": "rows", "quantity": "residual", "kind": Cause.TRANSLATED}, 1),
+        ({"method": "any", "quantity": "status", "kind": Cause.CRASH}, 4),
+        ({"method": "sparse Newton"}, 0),
+        ({"engine": "refkin", "method": "newton", "quantity": "status", "kind": Cause.REFERENCE}, 0),
+    ],
+)
+def test_a_hunt_blames_whom_it_hunts_for_what_the_judge_says(tmp_path, hunt_of, who, code):
+    """And a method that it does not hunt is named as that: replay blames it, too."""
+    wrong = {**disagreement(method="newton"), **who}
+    actual, said = hunt_of(Pool(False, 3.5, 0.1, wrong))
+    met = typed(record("a", disagreements=[wrong])).disagreements[0]
+    written = [path.name for path in tmp_path.glob("*.toml") if f"# {met}" in path.read_text(encoding="utf-8")]
+
+    assert actual == code
+    assert (f"to blame: {met}" in said.replace("\n", " ")) == (code == 1)
+    assert written == [f"{slug(*met.signature)}.toml"] * (code == 1)
+    assert (
+        f"not hunted, though replay blames it: {met.engine} ({met.method}), {met.quantity}: {met.name}, in " in said
+    ) == (code == 0)
+
+
+def test_a_hunt_asks_as_replay_does(tmp_path, hunt_of, monkeypatch):
+    """Of the same scene they say the same then: what else is known of a drawn one would change who is blamed."""
+    pool, replayed = Pool(), Pool()
+    hunt_of(pool)
+    monkeypatch.setattr("crosscheck.commands.replay.checkers", lambda *_: replayed)
+    replay(tmp_path / "mujoco-newton-position.toml", engines="closed_form")
+
+    assert replayed.jobs == pool.jobs[:1]
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_hunted_for(tmp_path, monkeypatch):

@@ -70,8 +70,8 @@ def test_its_first_method_is_hunted():
     own, first = (hunt({load(spec).name: spec}, 8.0, 1, scene_seconds=20.0) for spec in (OWN, FIRST))
 
     assert {name[:2] for name in own.catches} == {("own", RIGHT)}
-    assert own.above() == own.failures == []
-    assert {name[:2] for name, _ in first.above()} == {("faulty_first", FAULTY)}
+    assert ([*own.blames], own.failures) == ([], [])
+    assert {name[:2] for name in first.blames} == {("faulty_first", FAULTY)}
 
 
 def test_it_is_replayed(command):

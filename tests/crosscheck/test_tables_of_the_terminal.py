@@ -190,8 +190,7 @@ def test_the_worst_of_a_hunt_stands_first_and_each_has_its_scene(tmp_path, capsy
     assert refkin.load(tmp_path / "deep" / "out" / "e-r-b.toml") == SCENE
     order = [shown.index(f" {ratio} ") for ratio in ("9", "2", "0.5")]
     assert order == sorted(order)
-    assert "above 1: e r b, 9 times" in shown
-    assert "e r c" not in shown
+    assert "to blame" not in shown  # by the judge alone
     assert "failed: one that failed" in shown
 
 
