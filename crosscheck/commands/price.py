@@ -14,15 +14,17 @@ from rich.table import Table
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
-from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming
+from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
 from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
+from crosscheck.measure.check import key_of
 from crosscheck.measure.price import WITHIN, PriceList
 from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
 from crosscheck.report.wording import filled
 from crosscheck.scenes.names import called
+from refkin.model import Scene
 from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
@@ -50,13 +52,13 @@ def price(
     page
         Write a page with the work-precision diagrams to this file, too.
     again
-        What an earlier run printed with --json: measure anew, and say how often the cheapest method is the same, where
-        it differs from the second by more than the spread.
+        What an earlier run printed of this scene with --json: measure anew, and say how often the cheapest method is
+        the same, where it is ahead of the second by more than the spread both times.
     """
     writable("page", page)
-    before = None if again is None else _earlier(again)
     ours = [name for name in PRICED if name in OURS]
     asked, subject = (*ours, *names(engines, always=())), load(scene)
+    before = None if again is None else _earlier(again, subject)
     print(f"this takes up to {WITHIN:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)
     try:
         with shown_progress(None, WITHIN / 60, "measurements") as show:
@@ -77,16 +79,27 @@ def price(
     return PASS
 
 
-def _earlier(file: Path) -> dict[str, Any]:
+def _earlier(file: Path, scene: Scene) -> dict[str, Any]:
+    """Return the earlier price list of a scene; UsageError if it is of another one, or does not say of which.
+
+    A name does not do: lengths are changed under the same one. To print a list that has no key anew takes a minute.
+    """
     try:
         earlier = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         earlier = None
-    if not isinstance(earlier, dict) or "cheapest" not in earlier:
+    if not isinstance(earlier, dict) or not all(isinstance(earlier.get(key), dict) for key in LISTS):
         raise UsageError(f"--again: expected what `crosscheck price --json` prints, got {file}")
+    key, expected = earlier.get("key"), key_of(scene)
+    if key != expected:
+        said = "without the key of its scene, by an older version: print it anew" if key is None else f"({key})"
+        other = f"one of {quoted(str(earlier.get('scene')))} {said}"
+        raise UsageError(f"--again {file}: expected a price list of {quoted(scene.name)} ({expected}), got {other}")
     return earlier
 
 
+LISTS = ("cheapest", "cheapest_engine")
+"""Whose winners are compared: among all, and among the engines alone."""
 SCHEMA = 2
 WIDTH = 150
 """Columns of output that goes to no terminal."""
@@ -95,6 +108,7 @@ WIDTH = 150
 def to_json(prices: PriceList) -> dict[str, Any]:
     """Return the price list as plain data.
 
+    `key` says of which `scene` it is, whatever the name.
     A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`,
     `microseconds_to_build`, and of one cycle `digits`, `microseconds`, `spread`; the same of one pose ends in `_one`,
     and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
@@ -104,6 +118,7 @@ def to_json(prices: PriceList) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "scene": prices.scene,
+        "key": prices.key,
         "rows": rows,
         "cheapest": cheapest(rows),
         "cheapest_engine": cheapest([row for row in rows if row["engine"] not in OURS]),
@@ -136,7 +151,7 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
     as_json : bool
         Whether JSON is printed, or text.
     """
-    parts = [repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")]
+    parts = [repeated(before[key], now[key]) for key in LISTS]
     cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = same / cells if cells else None
     changed = [line for part in parts for line in part[2]]

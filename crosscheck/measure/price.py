@@ -14,6 +14,7 @@ from crosscheck.engines import QUANTITIES
 from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import POSES, SUFFIX, PriceRow, with_suspicions
 from crosscheck.judge.truth import NoTruth
+from crosscheck.measure.check import key_of
 from crosscheck.measure.price_process import CYCLE, Key, measure
 from crosscheck.scenes.hard import priced_classes
 from crosscheck.scenes.names import called_for
@@ -90,11 +91,12 @@ class _Progress:
 class PriceList:
     """The price list of one scene, and the methods (engine, method, reason) that cannot be taken on it.
 
-    `times` are the configurations of one cycle, `known` those of them with a certified truth, `asked` those of the
-    scene.
+    `key` says which scene that is, whatever its name (`crosscheck.measure.check.key_of`). `times` are the
+    configurations of one cycle, `known` those of them with a certified truth, `asked` those of the scene.
     """
 
     scene: str
+    key: str
     rows: list[PriceRow]
     times: int
     known: int
@@ -139,7 +141,7 @@ def price(
             progress.blame(failure)
     rows = with_suspicions(list(_rows(priced, progress)))
     refused = list(dict.fromkeys((*key[:2], reason) for key, reason in progress.refused.items()))
-    return PriceList(scene.name, rows, len(priced.times), progress.known, len(scene.times), refused)
+    return PriceList(scene.name, key_of(scene), rows, len(priced.times), progress.known, len(scene.times), refused)
 
 
 def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:

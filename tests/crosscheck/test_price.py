@@ -14,13 +14,15 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.commands import price as priced_by
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
-from crosscheck.measure.price import price
+from crosscheck.measure.check import key_of
+from crosscheck.measure.price import PriceList, price
 from crosscheck.measure.price_process import BULK, CYCLE, measure, nearest_first, questions
 from crosscheck.report.measured import measured
 from crosscheck.workers import timing
@@ -264,6 +266,51 @@ def test_beyond_what_is_attainable_a_loss_of_digits_is_not_suspicious():
     assert [row.note for row in with_suspicions(rows)] == ["", ""]
 
 
+@pytest.fixture
+def again(tmp_path, monkeypatch, command):
+    """`price --again` of the scene, against what an earlier run printed: it measures nothing, and finds the same."""
+    rows = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")]
+    prices = PriceList(scene().name, key_of(scene()), rows, times=5, known=5, asked=5, refused=[])
+    measured_now = []
+
+    def run(change=lambda before: None):
+        before = json.loads(json.dumps(to_json(prices)))
+        change(before)
+        (tmp_path / "before.json").write_text(json.dumps(before), encoding="utf-8")
+        monkeypatch.setattr(priced_by, "measured", lambda *_, **__: measured_now.append(1) or prices)
+        return command("price", scene(), "--again", tmp_path / "before.json"), measured_now
+
+    return run
+
+
+def test_a_list_is_measured_again_where_it_is_of_the_scene(again):
+    (code, out, _), measured_now = again()
+    (renamed, _, _), _ = again(lambda before: before.update(scene="under another name"))
+
+    assert (code, renamed, len(measured_now)) == (0, 0, 2)
+    assert "the same winner in 6 of 6 cells" in out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda b: b.update(scene="slider-crank", key="0" * 16), "got one of 'slider-crank' (0000000000000000)"),
+        (lambda b: b.update(key="0" * 16), f"got one of '{scene().name}' (0000000000000000)"),
+        (lambda b: b.pop("key"), f"got one of '{scene().name}' without the key of its scene"),
+        (lambda b: b.pop("cheapest_engine"), "what `crosscheck price --json` prints"),
+        (lambda b: b.update(cheapest=[]), "what `crosscheck price --json` prints"),
+    ],
+)
+def test_the_list_of_another_scene_is_refused_in_one_line_before_anything_is_measured(again, tmp_path, change, said):
+    """Planted: 27 of 37 winners were the same, of two scenes that have nothing in common."""
+    (code, out, err), measured_now = again(change)
+
+    assert (code, out, measured_now, err.count("\n")) == (2, "", [], 1)
+    assert said in err
+    assert str(tmp_path / "before.json") in err
+    assert "json` prints" in said or f"expected a price list of '{scene().name}' ({key_of(scene())})" in err
+
+
 @pytest.mark.parametrize("arguments", [["no such scene.toml"], [str(EXAMPLE), "--page", "no such folder/page.html"]])
 def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_measured(arguments, command):
     code, out, err = command("price", *arguments)
@@ -281,7 +328,7 @@ def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, command)
 
     assert code == 0
     assert err.startswith("this takes up to 50 s of the processor")
-    assert (data["schema"], data["scene"]) == (2, "crank-rocker")
+    assert (data["schema"], data["scene"], data["key"]) == (2, "crank-rocker", key_of(refkin.load(path)))
     assert all(set(row) == KEYS for row in data["rows"])
     assert {row["engine"] for row in data["rows"]} == {*PRICED}
     assert data["cheapest"]["cycle"]["position"]["12"]["microseconds"] > 0.0

@@ -41,7 +41,7 @@ ROWS = [
 
 
 def price_list(**more):
-    given = {"scene": "four-bar", "rows": ROWS, "times": 73, "known": 73, "asked": 73, "refused": []}
+    given = {"scene": "four-bar", "key": "", "rows": ROWS, "times": 73, "known": 73, "asked": 73, "refused": []}
     return to_json(PriceList(**{**given, **more}))
 
 
