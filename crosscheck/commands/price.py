@@ -15,7 +15,7 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
-from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, repeated
+from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, clear_once, repeated
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.check import key_of
 from crosscheck.measure.price import WITHIN, PriceList
@@ -144,6 +144,8 @@ def print_list(result: Mapping[str, Any]) -> None:
 def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> bool:
     """Print whether two lists have the same winners; return whether in enough cells, of which there must be one.
 
+    A cell counts where both lists tell its winner from the second; how many do in one alone is printed.
+
     Parameters
     ----------
     before, now : mapping
@@ -155,12 +157,16 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
     cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = same / cells if cells else None
     changed = [line for part in parts for line in part[2]]
+    once = [clear_once(before[key], now[key]) for key in LISTS]
+    first, second = (sum(numbers) for numbers in zip(*once, strict=True))
     if as_json:
-        print(json.dumps({"cells": cells, "same": same, "share": share, "changed": changed, "again": now}))
+        counts = {"cells": cells, "same": same, "share": share, "first_alone": first, "second_alone": second}
+        print(json.dumps({**counts, "changed": changed, "again": now}))
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
-        of = f"{same} of {cells} cells that differ by more than the spread"
-        print(*changed, f"the same winner in {of}: {known}", sep="\n")
+        of = f"{same} of {cells} cells whose winner is ahead of the second by more than the spread in both lists"
+        others = f"{first} cells are so in the first list alone and {second} in the second alone: they do not count"
+        print(*changed, f"the same winner in {of}: {known}; {others}", sep="\n")
     return share is not None and share >= SAME_WINNERS
 
 

@@ -166,21 +166,32 @@ def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
     Returns the number of such cells, in how many of them the same engine and method win, and a sentence for each of the
     others.
     """
-    cells = same = 0
+    before, now = _clear(first), _clear(again)
+    both = [cell for cell in before if cell in now]
     changed = []
-    for poses, of_poses in first.items():
-        for quantity, by_digits in of_poses.items():
-            for digits, one in by_digits.items():
-                other = again.get(poses, {}).get(quantity, {}).get(digits)
-                if one is None or other is None or not (one["differs"] and other["differs"]):
-                    continue
-                cells += 1
-                before, after = ((x["engine"], x["method"]) for x in (one, other))
-                same += before == after
-                if before != after:
-                    where = f"{POSES[poses]}, {digits} digits of {quantity}"
-                    changed.append(f"{where}: {', '.join(before)} before, {', '.join(after)} now")
-    return cells, same, changed
+    for poses, quantity, digits in both:
+        winners = (one[poses, quantity, digits] for one in (before, now))
+        was, wins = (", ".join(winner) for winner in winners)
+        if was != wins:
+            changed.append(f"{POSES[poses]}, {digits} digits of {quantity}: {was} before, {wins} now")
+    return len(both), len(both) - len(changed), changed
+
+
+def clear_once(first: Cheapest, again: Cheapest) -> tuple[int, int]:
+    """Return how many cells tell the winner from the second best in the first of two lists alone, and in the second."""
+    before, now = _clear(first).keys(), _clear(again).keys()
+    return len(before - now), len(now - before)
+
+
+def _clear(cheapest: Cheapest) -> dict[tuple[str, str, str], tuple[str, str]]:
+    """Return poses, quantity and digits -> engine and method of a winner that is ahead by more than the spread."""
+    return {
+        (poses, quantity, digits): (best["engine"], best["method"])
+        for poses, of_poses in cheapest.items()
+        for quantity, by_digits in of_poses.items()
+        for digits, best in by_digits.items()
+        if best is not None and best["differs"]
+    }
 
 
 def with_suspicions(rows: Sequence[PriceRow]) -> list[PriceRow]:

@@ -17,7 +17,7 @@ import refkin
 from crosscheck.commands import price as priced_by
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
-from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
+from crosscheck.judge.prices import Offer, PriceRow, cheapest, clear_once, repeated, with_suspicions
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
@@ -246,6 +246,24 @@ def test_winners_within_the_spread_count_for_nothing():
     nothing, known = ({"cheapest": one, "cheapest_engine": one} for one in (near, cheapest([asdict(r) for r in rows])))
     assert not print_repeated(nothing, nothing, as_json=False)
     assert print_repeated(known, known, as_json=False)
+
+
+def test_cells_whose_winner_is_clear_in_one_list_alone_are_counted_and_said_not_to_count(capsys):
+    """Also where there is nobody in the other list; so nothing that was seen once is out of sight."""
+    clear, near = ([priced(9.0, 5.0), priced(9.0, price, "chord")] for price in (9.0, 5.1))
+    other = [replace(row, quantity="velocity") for row in clear]
+    lists = [cheapest([asdict(row) for row in rows]) for rows in (clear, near, other, [*clear, *other])]
+    before, now = ({"cheapest": one, "cheapest_engine": two} for one, two in (lists[1::-1], (lists[3], lists[0])))
+    print_repeated(before, now, as_json=False)
+    print_repeated(before, now, as_json=True)
+    said, data = capsys.readouterr().out.splitlines()
+
+    assert [clear_once(lists[0], one) for one in lists] == [(0, 0), (3, 0), (3, 3), (0, 3)]
+    assert said == (
+        "the same winner in 3 of 3 cells whose winner is ahead of the second by more than the spread in both lists: "
+        "100.0%; 0 cells are so in the first list alone and 6 in the second alone: they do not count"
+    )
+    assert (json.loads(data)["first_alone"], json.loads(data)["second_alone"]) == (0, 6)
 
 
 def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
