@@ -165,7 +165,9 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
         of = f"{same} of {cells} cells whose winner is ahead of the second by more than the spread in both lists"
-        others = f"{first} cells are so in the first list alone and {second} in the second alone: they do not count"
+        others = (
+            f"in the first list alone it is so in {first} more, in the second alone in {second}: these do not count"
+        )
         print(*changed, f"the same winner in {of}: {known}; {others}", sep="\n")
     return share is not None and share >= SAME_WINNERS
 

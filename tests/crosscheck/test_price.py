@@ -261,7 +261,7 @@ def test_cells_whose_winner_is_clear_in_one_list_alone_are_counted_and_said_not_
     assert [clear_once(lists[0], one) for one in lists] == [(0, 0), (3, 0), (3, 3), (0, 3)]
     assert said == (
         "the same winner in 3 of 3 cells whose winner is ahead of the second by more than the spread in both lists: "
-        "100.0%; 0 cells are so in the first list alone and 6 in the second alone: they do not count"
+        "100.0%; in the first list alone it is so in 0 more, in the second alone in 6: these do not count"
     )
     assert (json.loads(data)["first_alone"], json.loads(data)["second_alone"]) == (0, 6)
 
