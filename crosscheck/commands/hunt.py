@@ -21,7 +21,7 @@ from crosscheck.judge.known_gaps import told
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
-from crosscheck.night.hunting import CERTIFICATE, Bag, Start, hunt, hunted, worst_of_night
+from crosscheck.night.hunting import CERTIFICATE, Bag, Start, drawn_again, hunt, hunted, worst_of_night
 from crosscheck.night.plan import ALWAYS, engines_option, replace_file
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
@@ -75,7 +75,6 @@ def hunt_worst(
     specs = {name: spec for name, (spec, _) in installed.items()}
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
     bag, starts = Bag(), _starts(night, hunted(specs))
-    print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)
     try:
         with shown_progress(None, minutes) as show:
             worst = lambda bag: show(bag.scenes, f"hunting, worst {bag.worst:.3g}")  # noqa: E731
@@ -89,12 +88,17 @@ def hunt_worst(
 
 
 def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
-    """Return the scenes of a night to start from; none if there is no night."""
-    if not (night / "run.json").is_file():
-        if night != LATEST:
-            raise OtherRun(f"--night {night} holds no run")
-        return []
-    return worst_of_night(night, best, seed_of(night, None))
+    """Return the scenes of a night to start from, none if there is no night; say how many that is."""
+    known = (night / "run.json").is_file()
+    if not known and night != LATEST:
+        raise OtherRun(f"--night {night} holds no run")
+    worst = worst_of_night(night, best, seed_of(night, None)) if known else {}
+    starts = drawn_again(worst)
+    others = len(worst) - len(starts)
+    left_out = f"; left out are {others} that this version draws otherwise" if others else ""
+    said = f"starting from {len(starts)} scenes of {night}{left_out}" if worst else "starting from no night"
+    print(said, file=sys.stderr)
+    return starts
 
 
 def _write_bag(bag: Bag, out: Path, engines: Sequence[str]) -> None:

@@ -28,7 +28,7 @@ from hypothesis import Phase, given, seed, settings, target
 from crosscheck.engines.methods import Use, methods
 from crosscheck.errors import UsageError
 from crosscheck.judge.records import ENDED, Disagreement, Record, Unreadable, read_records
-from crosscheck.measure.check import ANY, ROWS
+from crosscheck.measure.check import ANY, ROWS, key_of
 from crosscheck.measure.jobs import by_itself, checkers
 from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, draw, profile
 from crosscheck.strategies import Hardness, drawn_scenes
@@ -257,8 +257,8 @@ def hunted(engines: Mapping[str, str]) -> dict[str, str]:
     return {name: best.called for name, (best, *_) in compared.items()}
 
 
-def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[Start]:
-    """Return (seed, number) of the scenes of a night with the largest error / allowed, the worst of each target first.
+def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> dict[Start, str]:
+    """Return the scenes of a night with the largest error / allowed, the worst of each target first, with their keys.
 
     Parameters
     ----------
@@ -270,15 +270,23 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
         By which its scenes were drawn.
     """
     worst: dict[Target, list[tuple[float, int]]] = {}
+    keys: dict[int, str] = {}
     for _, record in read_records(folder / "records.jsonl"):
         if isinstance(record, Unreadable) or not isinstance(record.about.get("shard"), int):
             continue
+        number = int(record.about["shard"] or 0)
+        keys[number] = record.key
         for name, ratio in ratios(record, best):
-            worst.setdefault(name, []).append((ratio, int(record.about["shard"] or 0)))
+            worst.setdefault(name, []).append((ratio, number))
     ranked = [sorted(scenes, reverse=True) for scenes in worst.values()]
     in_turn = [place[1] for places in zip_longest(*ranked) for place in sorted(filter(None, places), reverse=True)]
     most = max(MOST_STARTS, len(worst))
-    return [(seed_of_night, number) for number in list(dict.fromkeys(in_turn))[:most]]
+    return {(seed_of_night, number): keys[number] for number in list(dict.fromkeys(in_turn))[:most]}
+
+
+def drawn_again(starts: Mapping[Start, str]) -> list[Start]:
+    """Return those that have the same key when they are drawn now: another version draws other scenes by a number."""
+    return [(night, number) for (night, number), key in starts.items() if key_of(draw(night, number).scene) == key]
 
 
 def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:

@@ -15,6 +15,7 @@ from crosscheck.commands.replay import replay
 from crosscheck.commands.usage import Printable, printable
 from crosscheck.errors import UsageError
 from crosscheck.judge.records import Cause, EnclosedTimes
+from crosscheck.measure.check import key_of
 from crosscheck.night import hunting
 from crosscheck.night.campaign import OtherRun, make_room
 from crosscheck.night.disagreements import LONGEST_NAME, slug
@@ -190,7 +191,7 @@ def test_a_hunt_starts_from_the_worst_scenes_of_a_night(tmp_path, hunted):
         {**record(str(k), answer("mujoco", {"position": quantity({-1: [9.0]}, ratio)})), "about": {"shard": k}}
         for k, ratio in enumerate((0.1, 0.9, 0.5))
     ]
-    starts = worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5)
+    starts = [*worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5)]
     bag = hunted(Pool(), seconds=2.0, starts=starts)
 
     assert starts == [(5, 1), (5, 2), (5, 0)]
@@ -216,21 +217,34 @@ def test_the_worst_of_every_target_of_a_night_is_among_the_scenes_to_start_from(
         for k in range(count)
     ]
 
-    assert worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5) == [(5, k) for k in range(count)]
+    assert [*worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5)] == [(5, k) for k in range(count)]
+
+
+def test_a_scene_that_another_version_drew_under_its_number_is_left_out_and_that_is_said(tmp_path, hunt_of):
+    """It would be taken for the night's, and has nothing to do with it."""
+    keys = [*(key_of(draw(42, k).scene) for k in range(2)), "0" * 16]
+    position = answer("mujoco", {"position": quantity({}, 0.5)})
+    met = [{**record("", position), "about": {"shard": k}, "key": key} for k, key in enumerate(keys)]
+    night, pool = write(tmp_path / "night", *met), Pool()
+    code, said = hunt_of(pool, night=night)
+
+    assert (code, [key_of(parse(job["scene"])) for job in pool.jobs[:3]][:2]) == (0, keys[1::-1])
+    assert "scene 2 of night" not in said
+    assert f"starting from 2 scenes of {night}; left out are 1 that this version draws otherwise" in said
 
 
 @pytest.fixture
 def hunt_of(tmp_path, monkeypatch, capsys):
     """The command with workers that are none: its exit code and what it prints; scenes go to `tmp_path`."""
 
-    def run(pool: Pool) -> tuple[int, str]:
+    def run(pool: Pool, **more: Any) -> tuple[int, str]:
         monkeypatch.chdir(tmp_path)
         for module in (hunting, hunting_command):
             monkeypatch.setattr(module, "hunted", lambda engines: {"mujoco": "newton"})
         monkeypatch.setattr(hunting, "checkers", lambda *_: pool)
-        return hunting_command.hunt_worst(
-            minutes=0.02, seed=1, out=tmp_path, engines="closed_form"
-        ), capsys.readouterr().out
+        more = {"minutes": 0.02, "seed": 1, "out": tmp_path, "engines": "closed_form", **more}
+        code, told = hunting_command.hunt_worst(**more), capsys.readouterr()
+        return code, told.out + told.err
 
     return run
 
