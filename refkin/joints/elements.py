@@ -24,7 +24,8 @@ body i, and n is a turned by a quarter turn counter-clockwise. The joints of spa
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from inspect import get_annotations
 from typing import Any, ClassVar
 
 from refkin.motion_laws import Law
@@ -34,6 +35,9 @@ GROUND = "ground"
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
+
+OF_FRAMES = {"zero_i", "zero_j", "form"}
+"""What an element takes only of a joint that has it: where no angle is counted there are no zeros, of one form none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,24 @@ class Element:
     def ends(self) -> tuple[tuple[str, Any], ...]:
         """Body and point of each point that it is about: none, that of j, or those of i and j."""
         return ()
+
+    @classmethod
+    def expect_fields(cls, joint: type) -> None:
+        """Raise TypeError if a class of joints has nothing called as a field of the element: a default is no answer.
+
+        It is asked before it is a dataclass, so that its fields are among its annotations.
+        """
+        named = {key for part in joint.__mro__ for key in get_annotations(part)}
+        for key in sorted(names_of(cls) - names_of(Element) - OF_FRAMES):
+            if key not in named and not hasattr(joint, key):
+                what = f"the joint has no field or property `{key}`, which its element {cls.__name__} takes"
+                raise TypeError(f"{joint.__name__}: {what}")
+
+    @classmethod
+    def of(cls, joint: Any) -> Element:
+        """Return the element of a joint, which takes what the joint has by the names of the element's fields."""
+        keys = names_of(cls) - {"name", "row"}
+        return cls(**{key: getattr(joint, key) for key in keys if hasattr(joint, key)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,6 +198,11 @@ class Contact(OfPoints):
     profile: Any
     normal_j: Pair | None = None
     roller_radius: float | None = None
+
+
+def names_of(cls: Any) -> set[str]:
+    """Return the names of the fields of a dataclass."""
+    return {field.name for field in fields(cls)}
 
 
 def elements_of(constraints: Iterable[Any]) -> Iterator[Element]:

@@ -15,8 +15,9 @@ A joint without the form `dot` has other rows than exudyn: these are not compare
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -51,15 +52,18 @@ UNTURNED: Formed = {"half": Turn("3"), "dot": Across("fi", "gj"), "printed": Acr
 class SpatialConstraint(Constraint):
     """A constraint between bodies of space, which says twice what it is: by its formulas, and by its elements.
 
-    Its rows are those of `formulas`, one after another; of those that differ by form, its own form counts. An element
-    of `consists_of` takes the fields of the constraint that it has too. What a driver may move of it is in `moves`:
-    "angle", "displacement".
+    Its rows are those of `formulas`, one after another, in its own form. An element of `consists_of` takes what the
+    constraint has by the names of the element's fields. What a driver may move is in `moves`: "angle", "displacement".
     """
 
     kind = SPACE
     formulas: ClassVar[tuple[SpatialRows | Formed, ...]] = ()
     consists_of: ClassVar[tuple[type[Element], ...]] = ()
     moves: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        for element in cls.consists_of:
+            element.expect_fields(cls)
 
     @property
     def terms(self) -> tuple[SpatialRows, ...]:
@@ -78,18 +82,14 @@ class SpatialConstraint(Constraint):
     @cached_property
     def _placed(self) -> list[tuple[SpatialRows, slice]]:
         """The terms, and where each one's numbers stand in the geometry."""
-        ends = [0]
-        for term in self.terms:
-            ends.append(ends[-1] + term.size)
-        return [(term, slice(*ends[k : k + 2])) for k, term in enumerate(self.terms)]
+        ends = accumulate((term.size for term in self.terms), initial=0)
+        return [(term, slice(*own)) for term, own in zip(self.terms, pairwise(ends), strict=True)]
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return tuple(number for term in self.terms for number in term.constants(self, unit))
 
     def elements(self) -> Iterator[Element]:
-        for element in self.consists_of:
-            keys = names_of(element) & {*names_of(type(self)), "laws"} - {"name"}
-            yield element(**{key: getattr(self, key) for key in keys})
+        yield from (element.of(self) for element in self.consists_of)
 
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return tuple(row for term, own in self._placed for row in term.residual(g[own], f, *at))
@@ -112,11 +112,6 @@ class SpatialConstraint(Constraint):
                 yield Fault(f"{path}.axis_{body}", list(axis), "a vector that is not zero")
             elif axis is not None and zero is not None and not across(axis, zero):
                 yield Fault(f"{path}.zero_{body}", list(zero), "a vector that is not zero and not along the axis")
-
-
-def names_of(cls: Any) -> set[str]:
-    """Return the names of the fields of a dataclass."""
-    return {field.name for field in fields(cls)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,6 +213,7 @@ class SpatialPrismatic(OfLines):
     needs_zeros = True
     type: Literal["prismatic"] = "prismatic"
     formulas = (PARALLEL, ON_AXIS, UNTURNED)
+    angle = 0.0
     consists_of = (AxesParallel, PointOnAxis, TurnAboutAxis)
     moves = ("displacement",)
 
@@ -229,6 +225,7 @@ class SpatialFixed(OfLines):
     needs_zeros = True
     type: Literal["fixed"] = "fixed"
     formulas = (Meet(), PARALLEL, UNTURNED)
+    angle = 0.0
     consists_of = (PointsMeet, AxesParallel, TurnAboutAxis)
 
 

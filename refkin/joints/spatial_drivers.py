@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Literal
 from refkin.errors import Fault
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
-from refkin.joints.elements import GROUND, Triple
-from refkin.joints.spatial import SPATIAL_JOINT_TYPES, BetweenSpatialPoints, SpatialConstraint, names_of
+from refkin.joints.elements import GROUND, Triple, names_of
+from refkin.joints.spatial import SPATIAL_JOINT_TYPES, BetweenSpatialPoints, SpatialConstraint
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
 from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, TurnCount
@@ -45,6 +45,7 @@ class TurnDriver(DriverOfBodies):
     law_is_angle = True
     formulas = ({"half": Angle(), "dot": Sine(), "counted": TurnCount()},)
     consists_of = (TurnAboutAxis,)
+    angle = 0.0  # the law's, as below the length
 
     @property
     def shares(self) -> str:
@@ -124,6 +125,7 @@ class SpatialDistanceDriver(BetweenSpatialPoints, Driver):  # type: ignore[overr
     type: Literal["distance"] = "distance"
     formulas = (Span(law=True),)
     consists_of = (SpatialPointDistance,)
+    length = 0.0
 
 
 SPATIAL_DRIVER_TYPES: tuple[type[Driver], ...] = (SpatialAngleDriver, DisplacementDriver, SpatialDistanceDriver)

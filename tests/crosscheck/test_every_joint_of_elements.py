@@ -63,6 +63,7 @@ class Composed(joints.Screw):
     """What a joint of any elements has in a scene file; its elements and their formulas are those of a subclass."""
 
     length: float = 0.0
+    angle = 0.0
     type: Literal["composed"] = "composed"  # type: ignore[assignment]
 
     @property

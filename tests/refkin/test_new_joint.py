@@ -1,0 +1,66 @@
+"""Joints and elements that exist nowhere but here: what a new one needs is known, and what it lacks is said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import Polynomial, Scene
+from refkin.joints import (
+    SpatialDistance,
+    SpatialPointDistance,
+)
+from refkin.joints.spatial import BetweenSpatialPoints
+from refkin.joints.spatial_terms import Span
+from refkin.scenes.linkages import RSSR
+
+LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125), massless=True)
+LAW = Polynomial(coefficients=(0.4, 1.0))
+
+
+def with_rod(cls: Any, **size: float) -> Scene:
+    """Return a loop of space whose rod is a joint of a class, of size 3 by whatever name."""
+    scene = LOOP.scene(law=LAW, times=(0.0, 0.1, 0.2))
+    (link,) = (j for j in scene.mechanism.joints if isinstance(j, SpatialDistance))
+    ends = {key: getattr(link, key) for key in ("name", "body_i", "point_i", "body_j", "point_j")}
+    joints = tuple(cls(**ends, **size) if j is link else j for j in scene.mechanism.joints)
+    return replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+
+
+def test_a_joint_without_a_field_of_its_element_is_refused_where_its_class_is_written():
+    """The element's default, a length of 0, was taken in silence, and no such loop closes."""
+    with pytest.raises(TypeError, match=r"Rod: .* property `length`, which its element SpatialPointDistance takes"):
+
+        @dataclass(frozen=True, kw_only=True)
+        class Rod(BetweenSpatialPoints):
+            span: float
+            type: Literal["rod"] = "rod"
+            formulas = (Span(),)
+            consists_of = (SpatialPointDistance,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpannedRod(BetweenSpatialPoints):
+    """A rod that calls its length a span."""
+
+    span: float
+    type: Literal["spanned_rod"] = "spanned_rod"
+    formulas = (Span(),)
+    consists_of = (SpatialPointDistance,)
+
+    @property
+    def length(self) -> float:
+        return self.span
+
+
+def test_a_property_fills_the_field_of_an_element():
+    scene, other = with_rod(SpannedRod, span=3.0), with_rod(SpatialDistance, length=3.0)
+    (rod,) = (j for j in scene.mechanism.joints if isinstance(j, SpannedRod))
+
+    assert [e.length for e in rod.elements()] == [3.0]
+    assert refkin.solve(scene).verdict == "ok"
+    np.testing.assert_array_equal(refkin.solve(scene).q, refkin.solve(other).q)
