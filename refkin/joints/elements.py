@@ -58,6 +58,9 @@ class Element:
     rows: ClassVar[int] = 1
     squared: ClassVar[bool] = False
     """Whether its row holds the square of its law, which turns back where the law is zero, too."""
+    spins_about: ClassVar[tuple[str, ...]] = ()
+    """The points and axes, by their fields, that a line of a body has to lie on and along for the rows not to change as
+    the body spins about it; of body i those in _i, of body j those in _j. Without any, every spin changes a row."""
     laws: tuple[Law, ...] = ()
     name: str = ""
     row: int = 0

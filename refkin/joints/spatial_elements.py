@@ -47,6 +47,7 @@ class PointsMeet(OfPoints):
 
     kind = "points of space coincide"
     rows = 3
+    spins_about = ("point_i", "point_j")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +56,7 @@ class AxesParallel(_OfAxes):
 
     kind = "axes parallel"
     rows = 2
+    spins_about = ("axis_i", "axis_j")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +64,7 @@ class AxesPerpendicular(_OfAxes):
     """Two axes are perpendicular."""
 
     kind = "axes perpendicular"
+    spins_about = ("axis_i", "axis_j")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +73,7 @@ class PointOnAxis(OfPoints):
 
     kind = "point on axis"
     rows = 2
+    spins_about = ("point_i", "axis_i", "point_j")
     axis_i: Triple
     zero_i: Triple | None = None
     form: str = "half"
@@ -80,6 +84,7 @@ class PointInPlane(OfPoints):
     """A point of body j stays in the plane of body i through its point and across its axis."""
 
     kind = "point in plane"
+    spins_about = ("axis_i", "point_j")
     axis_i: Triple
 
 
@@ -100,6 +105,7 @@ class ShiftAlongAxis(OfPoints):
     """Point j is a law's value [m] further along axis i than point i."""
 
     kind = "shift along axis"
+    spins_about = ("axis_i", "point_j")
     axis_i: Triple
 
 
@@ -126,4 +132,5 @@ class SpatialPointDistance(OfPoints):
 
     kind = "distance of space"
     squared = True
+    spins_about = ("point_i", "point_j")
     length: float = 0.0

@@ -1,11 +1,11 @@
 """Which bodies of space spin about a line while nothing else moves: by their joints' elements alone, at every pose.
 
 The rows of an element stay as they are while one of its bodies spins about a line that its point on that body lies on,
-or its axis is along: so couplers between two ball joints spin, rods between a ball and a distance, the halves of a rod
-that a hinge along it joins. Where they would change, its other body goes along: bodies fixed to each other, or on a
-slide along the line, spin as one. The line is known in the other body where the joint says so; where it does not, or
-where the ground would have to come along, nothing spins. A body that hangs on one joint alone is no case of this: it
-lacks a driver.
+or its axis is along; which of them, it says itself (`spins_about`). So couplers between two ball joints spin, rods
+between a ball and a distance, the halves of a rod that a hinge along it joins. Where rows would change, the element's
+other body goes along: bodies fixed to each other, or on a slide along the line, spin as one. The line is known in the
+other body where the joint says so; where it does not, or where the ground would have to come along, nothing spins. A
+body that hangs on one joint alone is no case of this: it lacks a driver.
 """
 
 from __future__ import annotations
@@ -16,16 +16,7 @@ from itertools import permutations
 from typing import Any
 
 from refkin.joints.elements import GROUND, Element, Triple
-from refkin.joints.spatial_elements import (
-    AxesParallel,
-    AxesPerpendicular,
-    PointInPlane,
-    PointOnAxis,
-    PointsMeet,
-    ShiftAlongAxis,
-    SpatialPointDistance,
-    TurnAboutAxis,
-)
+from refkin.joints.spatial_elements import AxesParallel, PointOnAxis, PointsMeet, TurnAboutAxis
 from refkin.joints.spatial_frames import across, frame
 from refkin.joints.spatial_vectors import Vec3
 
@@ -76,17 +67,12 @@ def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:
 
 
 def _blind(e: Element | None, body: str, line: Line) -> bool:
-    """Whether the rows of an element stay as they are while a body spins about a line of it."""
-    point, axis = _end(e, body)
-    on, along = point is not None and _on(point, line), axis is not None and _along(axis, line)
-    if isinstance(e, PointsMeet | SpatialPointDistance):
-        return on
-    if isinstance(e, AxesParallel | AxesPerpendicular):
-        return along
-    first = e is not None and e.bodies[0] == body
-    if isinstance(e, PointOnAxis):
-        return on and (along or not first)
-    return isinstance(e, PointInPlane | ShiftAlongAxis) and (along if first else on)
+    """Whether the rows of an element stay as they are while a body spins about a line of it: the element says it."""
+    if e is None or not e.spins_about:
+        return False
+    own = "_i" if e.bodies[0] == body else "_j"
+    ends = {key: Vec3(*getattr(e, key)) for key in e.spins_about if key.endswith(own)}
+    return all(_along(v, line) if key.startswith("axis") else _on(v, line) for key, v in ends.items())
 
 
 def _end(e: Any, body: str) -> tuple[Vec3 | None, Vec3 | None]:

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Polynomial, Scene
+from refkin import Body, Mechanism, Polynomial, Scene
+from refkin.errors import InvalidScene
 from refkin.joints import (
+    PointOnPlane,
+    SpatialAngleDriver,
     SpatialDistance,
     SpatialPointDistance,
+    SpatialRevolute,
+    Spherical,
 )
+from refkin.joints.elements import OfPoints
 from refkin.joints.spatial import BetweenSpatialPoints
 from refkin.joints.spatial_terms import Span
 from refkin.scenes.linkages import RSSR
@@ -64,3 +70,64 @@ def test_a_property_fills_the_field_of_an_element():
     assert [e.length for e in rod.elements()] == [3.0]
     assert refkin.solve(scene).verdict == "ok"
     np.testing.assert_array_equal(refkin.solve(scene).q, refkin.solve(other).q)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strut(OfPoints):
+    """An element of its own: two points keep a distance."""
+
+    kind = "strut"
+    spins_about = ("point_i", "point_j")
+    length: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class StiffStrut(OfPoints):
+    """An element of its own that does not say which spins it does not feel."""
+
+    kind = "stiff strut"
+    length: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfStrut(SpatialDistance):
+    """A rod between two points, of an element of its own."""
+
+    type: Literal["of_strut"] = "of_strut"  # type: ignore[assignment]
+    consists_of = (Strut,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfStiffStrut(SpatialDistance):
+    """The same, of an element that feels every spin."""
+
+    type: Literal["of_stiff_strut"] = "of_stiff_strut"  # type: ignore[assignment]
+    consists_of = (StiffStrut,)
+
+
+def hung_rod(cls: Any) -> Scene:
+    """Return a rod on the ball of a crank whose tip is on a plane and on a link: it spins about its own line."""
+    tip, z, at = (2.2, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    hinge = {"axis_i": z, "zero_i": (1.0, 0.0, 0.0), "axis_j": z, "zero_j": (1.0, 0.0, 0.0)}
+    joints = (
+        SpatialRevolute(name="O", body_i="ground", point_i=at, body_j="crank", point_j=at, **hinge),
+        Spherical(name="ball", body_i="crank", point_i=(1.0, 0.0, 0.0), body_j="rod", point_j=at),
+        cls(name="link", body_i="ground", point_i=(3.0, 0.2, 0.1), body_j="rod", point_j=tip, length=1.0),
+        PointOnPlane(name="plane", body_i="ground", point_i=(0, 0, 0.3), axis_i=(0, 0.1, 1), body_j="rod", point_j=tip),
+    )
+    bodies = (
+        Body(name="crank", estimate=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.2)),
+        Body(name="rod", estimate=(0.92, 0.39, 0.0, 1.0, 0.0, -0.1, -0.1)),
+    )
+    return Scene(
+        mechanism=Mechanism(bodies, joints, (SpatialAngleDriver(name="motor", joint="O", law=LAW),)), times=(0.0, 0.2)
+    )
+
+
+def test_an_element_says_itself_which_spins_it_does_not_feel():
+    scene, other = hung_rod(OfStrut), hung_rod(SpatialDistance)
+
+    assert refkin.solve(scene).verdict == "ok"
+    np.testing.assert_array_equal(refkin.solve(scene).q, refkin.solve(other).q)
+    with pytest.raises(InvalidScene, match="1 more constraint"):
+        hung_rod(OfStiffStrut)
