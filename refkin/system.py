@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import NotCalledFor, expect
+from refkin.errors import Fault, InvalidScene, NotCalledFor, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
@@ -189,9 +189,18 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
         own = owners[constraint.name] = range(n, n + constraint.parameters)
         where = (*(starts[body] for body in constraint.bodies), *own, *owners.get(constraint.shares, ()))
-        placed.append(ConstraintRows(constraint, constraint.constants(unit), row, where))
+        placed.append(ConstraintRows(constraint, _geometry(constraint, unit), row, where))
         row, n = row + constraint.rows, n + len(own)
     return System(mechanism, effects, unit, tuple(placed), n, row, kind)
+
+
+def _geometry(constraint: Constraint, unit: Unit) -> tuple[float, ...]:
+    """Return a constraint's numbers, scaled; those that its formulas cannot take are a fault that it did not name."""
+    try:
+        return constraint.constants(unit)
+    except ArithmeticError as error:
+        what = f"numbers that the formulas of a {constraint.type} can take ({error})"
+        raise InvalidScene([Fault(constraint.name, None, what)], "mechanism") from error
 
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:

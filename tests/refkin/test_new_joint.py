@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Body, Mechanism, Polynomial, Scene
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
 from refkin.errors import InvalidScene
 from refkin.joints import (
+    Distance,
     PointOnPlane,
     SpatialAngleDriver,
     SpatialDistance,
@@ -23,6 +24,7 @@ from refkin.joints.elements import OfPoints
 from refkin.joints.spatial import BetweenSpatialPoints
 from refkin.joints.spatial_terms import Span
 from refkin.scenes.linkages import RSSR
+from tests.refkin.joint_cases import BETWEEN
 
 LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125), massless=True)
 LAW = Polynomial(coefficients=(0.4, 1.0))
@@ -131,3 +133,32 @@ def test_an_element_says_itself_which_spins_it_does_not_feel():
     np.testing.assert_array_equal(refkin.solve(scene).q, refkin.solve(other).q)
     with pytest.raises(InvalidScene, match="1 more constraint"):
         hung_rod(OfStiffStrut)
+
+
+ANGLE = {"name": "c", "body": "b"}
+
+
+def turning(driver: Any, **more: Any) -> Scene:
+    pivot = Revolute(name="O", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0), **more)
+    return Scene(mechanism=Mechanism((Body(name="b"),), (pivot,), (driver,)), times=(0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Careless(Distance):
+    """A link that says nothing of what its length may be."""
+
+    type: Literal["careless"] = "careless"  # type: ignore[assignment]
+
+    def faults(self, path: str) -> Any:
+        return iter(())
+
+
+def test_numbers_that_the_formulas_cannot_take_are_a_fault_of_the_joint():
+    link = {**BETWEEN, "body_i": "ground", "name": "rod"}
+    scene = turning(AngleDriver(**ANGLE, law=LAW))
+    m = replace(scene.mechanism, joints=(*scene.mechanism.joints, Careless(**link, length=0.0)))
+
+    with pytest.raises(
+        InvalidScene, match=r"rod: expected numbers that the formulas .* can take \(float division by zero\)"
+    ):
+        refkin.solve(replace(scene, mechanism=m))
