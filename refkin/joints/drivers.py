@@ -21,12 +21,20 @@ from refkin.vec import BodyValues, Vec
 
 @dataclass(frozen=True, kw_only=True)
 class Driver(Constraint):
-    """A constraint of one row that follows a law of time."""
+    """A constraint of one row that follows a law of time; a law that is an `Integral` is the `rate_law` that it is of.
+
+    So there is one way to say a rate: that of scene files.
+    """
 
     rows = 1
     law: AnyLaw | None = None
     rate_law: AnyLaw | None = None
     initial: float = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.law, Integral) and self.rate_law is None and self.initial == 0.0:
+            for key, value in (("law", None), ("rate_law", self.law.rate), ("initial", self.law.initial)):
+                object.__setattr__(self, key, value)
 
     @property
     def laws(self) -> tuple[Law, ...]:

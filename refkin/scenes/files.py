@@ -14,7 +14,7 @@ from datetime import date, time
 from pathlib import Path
 from typing import Any
 
-from refkin.errors import Fault, InvalidScene
+from refkin.errors import Fault, InvalidRequest, InvalidScene
 from refkin.model import Mechanism, Scene
 from refkin.scenes import DEEPEST, SCHEMA
 from refkin.scenes.explained import GROUPS, at, explained
@@ -120,7 +120,13 @@ def _readable(data: Any, path: str, faults: list[Fault], depth: int = 0) -> Any:
 
 
 def to_dict(scene: Scene) -> dict[str, Any]:
-    """Return the scene as the data of a scene file; `parse` gives the same scene back, bit for bit."""
+    """Return the scene as the data of a scene file; `parse` gives the same scene back, bit for bit.
+
+    Raises
+    ------
+    InvalidRequest
+        If a law is none of those that a scene file has a `kind` for.
+    """
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "name": scene.name,
@@ -152,9 +158,11 @@ def to_toml(scene: Scene) -> str:
 
 
 def _plain(item: Any) -> Any:
-    """Return a dataclass as plain data, leaving out what has its default."""
+    """Return a dataclass as plain data, leaving out what has its default; a law is read again by its `kind`."""
     if isinstance(item, tuple):
         return [_plain(part) for part in item]
+    if callable(item) and not hasattr(item, "kind"):
+        raise InvalidRequest("scene", "laws that a file can say (a rate only of a driver: `rate_law`)", repr(item))
     if not hasattr(item, "__dataclass_fields__"):
         return item
     keep = {}

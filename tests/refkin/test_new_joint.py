@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -9,20 +10,28 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
-from refkin.errors import InvalidScene
+from refkin import AngleDriver, Body, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
+from refkin.errors import InvalidRequest, InvalidScene
 from refkin.joints import (
+    DRIVER_TYPES,
+    SPATIAL_DRIVER_TYPES,
+    DisplacementDriver,
     Distance,
+    DistanceDriver,
     PointOnPlane,
     SpatialAngleDriver,
     SpatialDistance,
+    SpatialDistanceDriver,
     SpatialPointDistance,
     SpatialRevolute,
     Spherical,
+    XDriver,
+    YDriver,
 )
 from refkin.joints.elements import OfPoints
 from refkin.joints.spatial import BetweenSpatialPoints
 from refkin.joints.spatial_terms import Span
+from refkin.scenes import files
 from refkin.scenes.linkages import RSSR
 from tests.refkin.joint_cases import BETWEEN
 
@@ -162,3 +171,48 @@ def test_numbers_that_the_formulas_cannot_take_are_a_fault_of_the_joint():
         InvalidScene, match=r"rod: expected numbers that the formulas .* can take \(float division by zero\)"
     ):
         refkin.solve(replace(scene, mechanism=m))
+
+
+INTEGRAL = Integral(rate=Sinusoid(amplitude=0.3, angular_frequency=1.7, offset=2.0), initial=0.3)
+DRIVERS = (
+    AngleDriver(**ANGLE, law=INTEGRAL),
+    XDriver(**ANGLE, law=INTEGRAL),
+    YDriver(**ANGLE, law=INTEGRAL),
+    DistanceDriver(**BETWEEN, law=INTEGRAL),
+    SpatialAngleDriver(name="c", joint="j", law=INTEGRAL),
+    DisplacementDriver(name="c", joint="j", law=INTEGRAL),
+    SpatialDistanceDriver(
+        name="c", body_i="a", point_i=(0.0, 0.0, 0.0), body_j="b", point_j=(0.0, 0.0, 0.0), law=INTEGRAL
+    ),
+)
+
+
+def test_every_driver_has_a_case():
+    assert {type(d) for d in DRIVERS} == {*DRIVER_TYPES, *SPATIAL_DRIVER_TYPES}
+
+
+@pytest.mark.parametrize("driver", DRIVERS, ids=lambda d: type(d).__name__)
+def test_a_law_given_as_a_rate_is_the_rate_law_of_every_driver(driver):
+    assert driver == replace(driver, law=None, rate_law=INTEGRAL.rate, initial=INTEGRAL.initial)
+    assert driver.laws == (INTEGRAL,)
+
+
+@pytest.mark.parametrize("more", [{"initial": 0.5}, {"rate_law": INTEGRAL.rate}], ids=str)
+def test_a_rate_is_given_once(more):
+    driver = AngleDriver(**ANGLE, law=INTEGRAL, **more)
+
+    assert list(driver.faults("driver[0]"))
+
+
+def test_a_scene_with_a_law_given_as_a_rate_is_read_back_equal():
+    scene = turning(AngleDriver(**ANGLE, law=INTEGRAL))
+
+    assert files.parse(tomllib.loads(files.to_toml(scene))) == scene
+
+
+def test_a_law_that_no_file_can_say_is_refused_where_it_would_be_written():
+    scene = turning(AngleDriver(**ANGLE, law=LAW), offset_law=(INTEGRAL, LAW))
+
+    assert refkin.solve(scene).verdict == "ok"
+    with pytest.raises(InvalidRequest, match="Integral"):
+        files.to_toml(scene)
