@@ -163,7 +163,8 @@ def _choice(
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first.
 
     Where not all assemblies are known, that to which Newton's method went, `own`, is one of them. A singular one is
-    chosen only where it is much nearer than all others: no motion starts there.
+    chosen only where it is much nearer than all others: no motion starts there. It may be the only one: all were looked
+    for because the estimate alone did not decide.
     """
     held = np.zeros(system.n, bool)
     for body in system.mechanism.bodies:
@@ -174,14 +175,15 @@ def _choice(
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
+    others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
     absent = [name for name in missing if name not in far]
-    why = f"no estimate for {', '.join(absent)}" if absent else "more than one assembly may be near the estimate"
+    doubt = "more than one assembly may be near the estimate" if others else "the estimate alone does not decide"
+    why = f"no estimate for {', '.join(absent)}" if absent else doubt
     why = f"an estimate beyond all digits for {', '.join(far)}" if far and not absent else why
     if nearest == len(search.poses):
-        others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
         return poses[nearest], f"{why}: Newton's, {f'nearer than {others} others' if others else 'the only one'} found"
-    which = f"assembly {nearest + 1} of {len(search.poses)}{'' if search.complete else ' found'}"
+    which = f"assembly {nearest + 1} of {max(len(search.poses), others + 1)}{'' if search.complete else ' found'}"
     mode = f", mode {search.branches[nearest]}" if search.branches[nearest] else ""
     return poses[nearest], f"{why}: {which}{mode}"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
+from refkin import AngleDriver, Body, FourBar, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
 from refkin.errors import InvalidRequest, InvalidScene
 from refkin.joints import (
     DRIVER_TYPES,
@@ -29,10 +29,13 @@ from refkin.joints import (
     YDriver,
 )
 from refkin.joints.elements import OfPoints
+from refkin.joints.planar import ends_of
 from refkin.joints.spatial import BetweenSpatialPoints
 from refkin.joints.spatial_terms import Span
+from refkin.proof.assembly.assembly import assemblies
 from refkin.scenes import files
 from refkin.scenes.linkages import RSSR
+from refkin.system import compile_system
 from tests.refkin.joint_cases import BETWEEN
 
 LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125), massless=True)
@@ -148,7 +151,7 @@ ANGLE = {"name": "c", "body": "b"}
 
 
 def turning(driver: Any, **more: Any) -> Scene:
-    pivot = Revolute(name="O", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0), **more)
+    pivot = Revolute(name="O", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.5, 0.0), **more)
     return Scene(mechanism=Mechanism((Body(name="b"),), (pivot,), (driver,)), times=(0.0, 1.0))
 
 
@@ -216,3 +219,34 @@ def test_a_law_that_no_file_can_say_is_refused_where_it_would_be_written():
     assert refkin.solve(scene).verdict == "ok"
     with pytest.raises(InvalidRequest, match="Integral"):
         files.to_toml(scene)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanarStrut(Distance):
+    """A link of the plane, of an element of its own."""
+
+    type: Literal["planar_strut"] = "planar_strut"  # type: ignore[assignment]
+
+    def elements(self) -> Any:
+        yield Strut(**ends_of(self), length=self.length)
+
+
+def test_of_an_element_without_closed_form_that_is_said_and_not_that_the_group_is_large():
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+    (pin,) = (j for j in scene.mechanism.joints if {j.body_i, j.body_j} == {"coupler", "rocker"})
+    strut = PlanarStrut(name="strut", **ends_of(pin), length=0.5)
+    held = XDriver(name="x", body="coupler", law=Polynomial(coefficients=(0.5,)))
+    joints = (*(j for j in scene.mechanism.joints if j is not pin), strut)
+    m = replace(scene.mechanism, joints=joints, drivers=(*scene.mechanism.drivers, held))
+    said = assemblies(compile_system(m, unit=m.unit()), 0.3).message
+
+    assert "no closed form of strut" in said
+    assert "triad" not in said
+
+
+def test_the_only_assembly_is_not_said_to_be_one_of_several():
+    scene = turning(AngleDriver(**ANGLE, law=LAW))
+    m = replace(scene.mechanism, bodies=(Body(name="b", estimate=(0.0, 0.0, 2.8)),))
+    message = refkin.solve(replace(scene, mechanism=m)).message
+
+    assert message == "the estimate alone does not decide: assembly 1 of 1"

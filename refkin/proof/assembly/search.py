@@ -149,7 +149,9 @@ class Search:
         """Return what is found, in narrower and narrower intervals of the angle that opens the group."""
         if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
-            return self._result("the group is larger than a triad: no proof was tried")
+            foreign = ", ".join(self.rows.foreign)
+            why = f"there is no closed form of {foreign}" if foreign else "the group is larger than a triad"
+            return self._result(f"{why}: no proof was tried")
         intervals = _Intervals(self)
         intervals.halve(PROBE)
         self._try(intervals.middles(most=8))
