@@ -41,7 +41,8 @@ from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton, s
 from refkin.system import System, compile_system
 
 NEAR, FURTHEST, REACH, MOST_STEPS = 1 / 4, 1.0, 1 / 4, 5000
-"""Largest first correction over move of its step; longest move, and onto a singular pose [sizes, rad]; most steps."""
+"""How far a step may end from its prediction, as a part of its move; how far it may move, and how far onto a singular
+pose, in units of length or rad; how many steps there may be from one time to the next."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 

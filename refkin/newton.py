@@ -65,7 +65,8 @@ class CorrectionNorm:
 class RoundOff:
     """Stop when the correction is below the spacing of the numbers, or stalls with the residual at round-off.
 
-    Near a multiple root corrections halve down to sqrt(u), then only jitter: the second rule lets a factor 1/2 pass.
+    Near a multiple root each correction is half of the one before, down to about sqrt(EPS); from there they only
+    jitter. So a small one, below 1e-6, has stalled if it is more than 0.6 of the one before: halves may go on.
     """
 
     previous: float = field(default=np.inf, repr=False)

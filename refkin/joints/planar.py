@@ -33,7 +33,7 @@ class BetweenPoints(Constraint):
 class Revolute(BetweenPoints):
     """Two points coincide, d = 0; or, by an `offset_law`, two functions of time keep them apart: d - f(t) = 0 (J3) [m].
 
-    The offset leads from point i to point j, in the ground frame. (The source has the bodies the other way round:
+    The offset leads from point i to point j, in the ground frame. (Shabana has the bodies the other way round:
     R^i + A^i u^i - R^j - A^j u^j = f(t).)
     """
 

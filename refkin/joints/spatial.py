@@ -231,7 +231,7 @@ class SpatialFixed(OfLines):
 
 @dataclass(frozen=True, kw_only=True)
 class Screw(OfLines):
-    """A cylindrical joint whose shift h_i . d is `shift` [m] and `pitch` [m/rad] times the angle from zero i to zero j.
+    """A cylindrical joint: h_i . d is `shift` [m] plus `pitch` [m/rad] times the angle from zero i to zero j.
 
     The angle theta counts turns, so theta / 2 is a coordinate of its own, at first in the turn where estimates lie.
     """

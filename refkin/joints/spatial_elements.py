@@ -111,7 +111,7 @@ class ShiftAlongAxis(OfPoints):
 
 @dataclass(frozen=True, kw_only=True)
 class ScrewMotion(OfPoints):
-    """Point j is `shift` [m] and `pitch` [m/rad] times the turn about the axis further along axis i than point i.
+    """Point j is `shift` [m] plus `pitch` [m/rad] times the turn about the axis further along axis i than point i.
 
     The turn is that of `TurnAboutAxis`, also where nothing keeps the axes parallel; its turns are counted.
     """
