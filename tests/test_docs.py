@@ -34,7 +34,7 @@ def test_the_examples_of_a_page_run_one_after_the_other(page, tmp_path, monkeypa
     names: dict[str, object] = {"__name__": "book"}
     for file, kind, text in blocks(page):
         if kind == "python":
-            exec(compile(text, str(page), "exec"), names)
+            exec(compile(text, str(page), "exec", dont_inherit=True), names)
         elif kind == "toml" and file:
             (tmp_path / file).write_text(text, encoding="utf-8")
         elif kind == "console":

@@ -1,8 +1,8 @@
 """The planar joints: revolute, fixed, prismatic, point_on_line, distance.
 
-To add a joint: write a dataclass like these (its fields are its keys in a scene file) and name it in `PLANAR_TYPES`; no
-other file need know it. r_P = r + A(phi) u is a point of a body (K1), d = r_Pj - r_Pi the gap of the two points of a
-joint (J1) (Shabana, Computational Dynamics, section 3; Haug, Computer Aided Kinematics and Dynamics, section 3.3).
+To add a joint, write a dataclass like these (its fields are its keys in a scene file) and name it in `PLANAR_TYPES`:
+docs/howto/code.md has an example, and what tests will ask for. r_P = r + A(phi) u is a point of a body (K1), d = r_Pj -
+r_Pi the gap of the two points of a joint (J1) (Shabana, Computational Dynamics, 3; Haug, Computer Aided Kinematics, 3).
 """
 
 from __future__ import annotations

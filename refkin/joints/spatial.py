@@ -1,8 +1,8 @@
 """The spatial joints.
 
-To add a joint: write a dataclass like these (its fields are its keys in a scene file), say by which `formulas` it is
-solved and of which elements it `consists_of`, and name it in `SPATIAL_JOINT_TYPES`. Its rows come in one of three forms
-where these differ:
+To add a joint, write a dataclass like these (its fields are its keys in a scene file), say by which `formulas` it is
+solved and which elements it `consists_of`, and name it in `SPATIAL_JOINT_TYPES`; see docs/howto/code.md. Its rows come
+in one of three forms where these differ:
 
 ========= ========================================================================================================
 `half`    of full rank and without false roots: half angles (`spatial_terms`)
