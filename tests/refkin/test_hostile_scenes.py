@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
+from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.path.blocks import dips
 
@@ -31,6 +34,42 @@ def test_the_fast_sweep_goes_by_way_of_a_pulse_in_a_table():
     motion = fast.sweep(scene("fast-table-pulse.toml"))
 
     assert motion.status == (OK, LOST, LOST)
+
+
+@pytest.mark.parametrize(
+    ("name", "statuses"),
+    [
+        ("crank-over-a-gap", (*[OK] * 6, *[LOST] * 3)),
+        ("swings-beyond-count", (OK, Status.NOT_CONVERGED)),
+        ("pulse-in-the-last-digits", (OK, Status.NOT_CONVERGED, Status.NOT_CONVERGED)),
+    ],
+)
+def test_where_there_is_no_pose_between_two_times_nothing_is_ok_after_it(name, statuses):
+    """All were: determinants are alike beyond a gap, a list of extrema was cut, and last digits were passed over."""
+    hidden = scene(f"{name}.toml")
+
+    for solved in (refkin.solve, partial(refkin.solve, certified=True), fast.sweep):
+        assert solved(hidden).status == statuses
+    assert refkin.solve(replace(hidden, evidence=frozenset())).status == statuses
+
+
+def test_a_four_bar_that_just_cannot_turn_is_never_driven_over_its_gap():
+    """Its links are too long by 1e-7 to 1e-2 of the crank, and 3 to 30 steps lead over the gap."""
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        ground, crank, rocker, over = rng.uniform(1.5, 4.0), rng.uniform(0.05, 0.9), *rng.uniform((0.6, 2), (4.0, 7))
+        gap = crank * 10.0**-over
+        linkage = refkin.FourBar(ground=ground, crank=crank, coupler=rocker + ground - crank + gap, rocker=rocker)
+        ((low, high),) = linkage.input_range()
+        start, turned = rng.uniform(low + 0.3, high - 0.3), math.copysign(rng.uniform(4.0, 6.2), rng.uniform(-1, 1))
+        still = linkage.scene(law=Polynomial(coefficients=(start,)), times=np.linspace(0, 1, rng.integers(4, 31)))
+        driver = replace(still.mechanism.drivers[0], law=Polynomial(coefficients=(start, turned)))
+        motion = refkin.solve(
+            replace(still, mechanism=replace(still.mechanism, drivers=(driver,)), evidence=frozenset())
+        )
+        passed = ~((low < start + turned * motion.t) & (start + turned * motion.t < high))
+
+        assert OK not in np.array(motion.status)[np.argmax(passed) :] if passed.any() else motion.verdict is OK
 
 
 def test_a_family_goes_by_way_of_a_pulse_in_a_table():
@@ -187,7 +226,8 @@ def test_what_another_loop_moves_near_its_limit_and_back_is_doubted_however_fast
     law = replace(driver.law, coefficients=(start, rate * speed))
     system = compile_system(replace(clear.mechanism, drivers=(replace(driver, law=law),)), unit=clear.mechanism.unit())
 
-    assert np.flatnonzero(dips(system, motion.t / speed, system.to_unit(motion.q))).tolist() == [0]
+    # The second step leaves the limit, and in the third another loop's determinant falls as steeply as to zero.
+    assert np.flatnonzero(dips(system, motion.t / speed, system.to_unit(motion.q))).tolist() == [0, 1, 2]
 
 
 def test_a_table_that_begins_and_ends_with_a_step_hides_no_loop_that_is_moved_to_its_limit_and_back_there():

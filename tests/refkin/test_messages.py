@@ -87,6 +87,10 @@ SAID = {
         moved("time-resolution", FAST),
         moved("time-resolution", SLOW, times=(0.0, 3e-7, 6e-7)),
     ),
+    "t has no more digits: a law turns back at t = {}, next to a time asked for": (
+        scene("pulse-in-the-last-digits"),
+        scene("fast-table-pulse", times=(0.0, 0.2)),
+    ),
     "laws have no digits at t = {}: the last ones move phi by {}": (
         ROCKER.scene(law=Polynomial(coefficients=(0.3, 1e16)), times=(1.0,)),
         ROCKER.scene(law=Polynomial(coefficients=(0.3, 1e14)), times=(1.0,)),
