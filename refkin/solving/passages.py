@@ -65,6 +65,12 @@ def turning_points(system: System, a: float, b: float) -> tuple[list[float], lis
     """Return the times at which laws turn back between a and b, in order, and those too near to a or b for a step.
 
     What a law does within a few of the last digits of a time is only left out where it does next to nothing there.
+
+    Parameters
+    ----------
+    system : System
+    a, b : float
+        The first time and the last [s].
     """
     constraints = system.mechanism.constraints
     close, near = 4 * EPS * max(abs(a), abs(b)), list[float]()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,6 +85,15 @@ def test_a_law_is_evaluated_for_many_times_together_and_seldom_again(counted):
     refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))
 
     assert counted["law, order 0"] <= len(SCENE.times) + 3
+
+
+def test_radii_are_given_of_what_is_called_for_alone():
+    """An acceleration needs the velocity, and a cam is proved in any case: their bounds were handed out unasked."""
+    given = refkin.solve(replace(SCENE, effects=frozenset({Effect.ACCELERATION}))).certified_radius
+    cam = replace(refkin.load(Path(__file__).parents[2] / "docs/scenes/cam.toml"), evidence=NONE)
+
+    assert [np.isfinite(radius).all() for radius in (given.position, given.velocity, given.acceleration)] == [1, 0, 1]
+    assert np.isnan([*vars(refkin.solve(cam).certified_radius).values()]).all()
 
 
 @pytest.mark.parametrize("level", LEVELS)

@@ -39,14 +39,14 @@ def test_the_fast_sweep_goes_by_way_of_a_pulse_in_a_table():
 @pytest.mark.parametrize(
     ("name", "statuses"),
     [
-        ("crank-over-a-gap", (*[OK] * 6, *[LOST] * 3)),
-        ("swings-beyond-count", (OK, Status.NOT_CONVERGED)),
-        ("pulse-in-the-last-digits", (OK, Status.NOT_CONVERGED, Status.NOT_CONVERGED)),
+        ("crank-over-a-gap.toml", (*[OK] * 6, *[LOST] * 3)),
+        ("swings-beyond-count.toml", (OK, Status.NOT_CONVERGED)),
+        ("pulse-in-the-last-digits.toml", (OK, Status.NOT_CONVERGED, Status.NOT_CONVERGED)),
     ],
 )
 def test_where_there_is_no_pose_between_two_times_nothing_is_ok_after_it(name, statuses):
     """All were: determinants are alike beyond a gap, a list of extrema was cut, and last digits were passed over."""
-    hidden = scene(f"{name}.toml")
+    hidden = scene(name)
 
     for solved in (refkin.solve, partial(refkin.solve, certified=True), fast.sweep):
         assert solved(hidden).status == statuses

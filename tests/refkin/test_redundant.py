@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -251,6 +252,18 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     assert np.min(first) > 0.0
     for share, factor in ((0.01, 1.08), (0.015, 1.12), (0.016, np.nan)):
         np.testing.assert_allclose(far(first[0] / share), factor * np.array(first), rtol=1e-2)
+
+
+def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok():
+    """It was, with accelerations of 2e5 rad/s^2 where there are none."""
+    flat = load(Path(__file__).parents[1] / "corpus" / "redundant-one-ulp.toml")
+    at = {"c0": (0.0, 0.0, 1e-7), "c1": (1.0, 0.0, 1e-7), "c2": (3.0, 0.0, 1e-7), "bar": (1.0, 1e-7, 0.0)}
+    bodies = tuple(replace(body, estimate=at[body.name]) for body in flat.mechanism.bodies)
+    driver = replace(flat.mechanism.drivers[0], law=Polynomial(coefficients=(1e-7, 1.0)))
+    motion = solve(replace(flat, mechanism=replace(flat.mechanism, bodies=bodies, drivers=(driver,))))
+
+    assert motion.verdict is Status.SINGULAR
+    assert np.isnan(motion.qdd).all()
 
 
 def test_the_fast_path_says_which_choices_its_bounds_cover_too(monkeypatch):
