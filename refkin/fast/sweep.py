@@ -102,7 +102,9 @@ class _Task:
     def _keeps_its_branch(self, q: Any, poses: list[Pose]) -> bool:
         """Whether the steps that their ends say too little of are proved, as the reference's are.
 
-        A long one is proved from marched pose to marched pose: to find the poses between is what a proof costs most.
+        A long one is proved from marched pose to marched pose: to find the poses between is what a proof costs most. Of
+        a single loop determinants are not looked at again: beyond a gap the march's prediction, which is so near, leads
+        to the other assembly, with the other sign.
         """
         loops, t = len(self.march.signs) > 1, self.t  # one may move another: it is seen at the marched poses, too
         if not loops and not unseen(self.system, t, q, loops=False):

@@ -86,8 +86,8 @@ def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
     Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
-    the ends. Several laws together may turn back though none of them does; a cam's profile may hide a bump; and one
-    loop may move another to and fro (`proof.path.blocks.dips`).
+    the ends. But there may be none for some values, and one loop may move another to and fro (`proof.path.blocks`);
+    several laws together may turn back though none of them does; and a cam's profile may hide a bump.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops
     parts : Blocks, optional
         The blocks of phi_q, if they are known.
     loops : bool
-        Whether there may be a loop that another one moves.
+        Whether determinants are looked at.
     """
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     steps = dips(system, t, q, parts) if loops else np.zeros(len(t) - 1, bool)

@@ -23,7 +23,7 @@ LATER = 1e-9
 MOMENT = 1e-6
 """A part of a step after which determinants have changed by their rate, and far more than by rounding."""
 NEAR_ZERO = 1 / 4
-"""Where tangents of a determinant meet for it to be near zero between, in units of the smaller end."""
+"""How near zero the tangent of a determinant leads, to be doubted in between, in units of the smaller end."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,12 @@ def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
 def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
     """Return (T - 1,) whether a block may become singular between two poses, for all that their determinants show.
 
-    A law that does not turn back moves one loop on and on, but that loop may move another to its limit and back between
-    two times, with the same sign of its determinant at both. The determinant then falls at first and rises at last, and
-    its tangents at the two ends meet near zero or below. Of redundant rows only those are looked at that are
-    independent at the first pose: where all are singular, so are these.
+    A law that does not turn back may move a loop over a gap in which it does not close, or one loop may move another to
+    its limit and back between two times, with the same sign of its determinant at both. Towards a singular pose the
+    determinant goes down and from one it comes up, about as the way that is left or its root: so the tangent at one of
+    the ends leads to zero, or near it, within the step. Where a branch only ends at a limit it does not: it lies above
+    the root. Of redundant rows only those are looked at that are independent at the first pose: where all are singular,
+    so are these.
 
     Parameters
     ----------
