@@ -58,7 +58,7 @@ def nightly(
     """Draw scenes, check them on all engines, write a report.
 
     Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran, 130 interrupted.
-    A run that was killed or interrupted is continued by the same command.
+    A run that was killed or interrupted is continued by the same command, with the same source and versions.
 
     Parameters
     ----------
@@ -82,10 +82,10 @@ def nightly(
     cluster
         Check the scenes on a Dask cluster: `local` for one here (of `workers` processes), or a scheduler, `tcp://host:8786`.
     scene_seconds
-        An engine that takes longer [s] on one scene is stopped, and counts as hanging.
+        An engine that takes longer [s] on a scene is stopped, and counts as hanging; a run goes on only with the same.
     known_gaps
         A table of known gaps to use instead of our own: a file, or `none`. Then the night reports for each row of our
-        own after how many scenes it occurred.
+        own after how many scenes it occurred. A run that goes on may take another: all is judged anew.
     sections_seconds
         How long to measure hard cases, prices and effects after the scenes [s]; they are left out if it is less than
         eight. By default as long as `minutes`, four minutes at most; none for a night of `scenes` alone.

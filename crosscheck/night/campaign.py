@@ -45,6 +45,7 @@ from crosscheck.scenes.drawing import draw, is_chain, numbers_of, shortened, tur
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
+from crosscheck.workers.source import SOURCE, digest
 from refkin.scenes.files import to_dict
 
 ROUND = 140
@@ -89,7 +90,8 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
     outcome.checked = len(journal.keys)
     made: dict[str, Any] = {"count": plan.workers, "engines": outcome.engines, "seconds": plan.scene_seconds}
     if plan.cluster is not None:
-        pool: Pool = ClusterWorkers(CHECK, plan.cluster, versions=outcome.versions, **made)
+        versions = {SOURCE: digest(), **outcome.versions}
+        pool: Pool = ClusterWorkers(CHECK, plan.cluster, versions=versions, **made)
     else:
         pool = Workers(CHECK, **made)
     with pool as workers:
@@ -289,26 +291,33 @@ def _made(out: Path) -> dict[str, Any] | None:
         return None
     try:
         made = dict(json.loads(path.read_text(encoding="utf-8")))
-        versions = {"refkin": made.get("refkin"), **made["versions"]}
-        return {"seed": int(made["seed"]), "versions": versions, "date": made.get("date")}
+        made_by = _made_by(made.get("refkin"), made.get("source"), made.get("scene_seconds"), made["versions"])
+        return {"seed": int(made["seed"]), "made_by": made_by, "date": made.get("date")}
     except (OSError, ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as error:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
+def _made_by(refkin: Any, source: Any, seconds: Any, versions: Mapping[str, str]) -> dict[str, Any]:
+    """Return what must not change while a run goes on: by what, and how long, each scene is checked."""
+    return {"refkin": refkin, SOURCE: source, "seconds per scene": seconds, **versions}
+
+
 def of_run(seed: int, versions: Mapping[str, str]) -> str:
-    """Return the digest, 16 hex digits, of what all records of a run have in common: the seed, and all versions.
+    """Return the digest, 16 hex digits, of what all records of a run have in common: seed, source, all versions.
 
     One that is mixed in, out of another run, is told by it wherever it stands. It is no signature.
     """
-    same = json.dumps([seed, version("refkin"), versions], sort_keys=True)
+    same = json.dumps([seed, version("refkin"), digest(), versions], sort_keys=True)
     return hashlib.sha256(same.encode()).hexdigest()[:16]
 
 
 def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> None:
-    """Write how the run is made, unless the folder holds one of other versions, engines or scenes."""
-    before, versions = _made(plan.out), {"refkin": version("refkin"), **outcome.versions}
-    if before is not None and before["versions"] != versions:
-        raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {versions}: choose another folder")
+    """Write how the run is made, unless the folder holds one of other source, versions, engines or scenes."""
+    before, now = _made(plan.out), _made_by(version("refkin"), digest(), plan.scene_seconds, outcome.versions)
+    if before is not None and (there := before["made_by"]) != now:
+        keys = [key for key in {**there, **now} if there.get(key) != now.get(key)]
+        others = "; ".join(f"{key} {there.get(key, 'none')}, not {now.get(key, 'none')}" for key in keys)
+        raise OtherRun(f"{plan.out} holds a run with {others}: choose another folder")
     if turns.runs - {of_run(plan.seed, outcome.versions)}:
         raise OtherRun(f"{plan.out} holds records of another run: choose another folder")
     numbers = sorted(turns.drawn)
@@ -323,6 +332,7 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         "missing": outcome.missing,
         "safety_factor": SAFETY,
         "refkin": version("refkin"),
+        "source": digest(),
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",

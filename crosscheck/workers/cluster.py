@@ -30,6 +30,7 @@ from crosscheck.workers.pool import (
     name_and_version,
 )
 from crosscheck.workers.processes import Failure, call_each
+from crosscheck.workers.source import SOURCE, digest
 
 LOCAL = "local"
 BATCH = 100
@@ -50,8 +51,8 @@ class ClusterWorkers(Pool):
     NoCluster if there is no such cluster, or one of its workers has other engines; and from `results`, if it is lost.
 
     The address is "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786,
-    whose workers are counted. Each of them must have these versions of the engines. The rest is as for
-    `crosscheck.workers.pool.Workers`.
+    whose workers are counted. Each of them must have these versions of the engines, and our source as it is here. The
+    rest is as for `crosscheck.workers.pool.Workers`.
     """
 
     def __init__(
@@ -174,14 +175,14 @@ def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], sec
 
 
 def versions_here(specs: Sequence[str]) -> dict[str, str] | str:
-    """Return name -> version of the engines on this worker, or why they cannot be used."""
+    """Return name -> version of the engines on this worker, our own source among them, or why they cannot be used."""
     import multiprocessing
 
     if multiprocessing.current_process().daemon:
         return "is a daemon and may have no children: start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
     answers = call_each(name_and_version, specs)
     failures = [answer.text for answer in answers if isinstance(answer, Failure)]
-    return "; ".join(failures) if failures else dict(answers)
+    return "; ".join(failures) if failures else {SOURCE: digest(), **dict(answers)}
 
 
 @lru_cache

@@ -37,6 +37,7 @@ from crosscheck.scenes.drawing import (
     turn_of,
 )
 from crosscheck.scenes.names import FEATURES, pairs_of
+from crosscheck.workers import source
 from crosscheck.workers.pool import find_engines
 
 from .fake_engines import EXIT, HANG, alive, crosscheck, engine_file, records_of, start
@@ -288,7 +289,7 @@ def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):
     before = (tmp_path / "out" / "run.json").read_text()
     spec = engine_file(tmp_path)
 
-    with pytest.raises(OtherRun, match=r"holds a run with \{'refkin': .*\}, not \{.*'fake': '1'\}: choose"):
+    with pytest.raises(OtherRun, match=r"holds a run with fake none, not 1: choose another folder"):
         run(plan(tmp_path / "out", spec, scenes=2))
 
     assert (tmp_path / "out" / "run.json").read_text() == before
@@ -300,10 +301,60 @@ def test_a_folder_of_another_version_is_refused_and_left_as_it_is(tmp_path):
     other = {**json.loads(path.read_text()), "refkin": "9.9"}
     path.write_text(json.dumps(other))
 
-    with pytest.raises(OtherRun, match=r"holds a run with \{'refkin': '9.9', .*\}, not .*: choose another folder"):
+    with pytest.raises(OtherRun, match=f"holds a run with refkin 9.9, not {refkin.__version__}: choose another folder"):
         run(plan(tmp_path, scenes=2))
 
     assert json.loads(path.read_text()) == other
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_folder_of_another_source_is_refused_and_left_as_it_is(tmp_path, told, monkeypatch):
+    """A constant was changed between a kill and its resumption: the version was the same, the records of two programs.
+
+    They are told apart without what stands beside them as well.
+    """
+    run(plan(tmp_path, scenes=1))
+    path = tmp_path / "run.json"
+    assert json.loads(path.read_text())["source"] == source.digest()
+    if not told:
+        path.unlink()
+    monkeypatch.setattr(campaign, "digest", lambda: "another")
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    said = f"a run with source code {source.digest()}, not another" if told else "records of another run"
+
+    with pytest.raises(OtherRun, match=f"holds {said}: choose another folder"):
+        run(plan(tmp_path, scenes=2))
+
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_folder_whose_scenes_had_other_time_is_refused(tmp_path):
+    """What hangs at 5 s may answer at 30 s: the same engine would be told to do both."""
+    run(plan(tmp_path, scenes=1))
+
+    with pytest.raises(OtherRun, match=r"holds a run with seconds per scene 30\.0, not 5\.0: choose another folder"):
+        run(plan(tmp_path, scenes=2, scene_seconds=5.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "same"),
+    [
+        ("refkin/newton.py", b"LIMIT = 1\r\nx = 2\r\n", True),
+        ("refkin/newton.py", b"LIMIT = 2\nx = 2\n", False),
+        ("crosscheck/newton.py", b"LIMIT = 1\nx = 2\n", False),
+    ],
+    ids=["as Windows ends lines", "a constant", "another place"],
+)
+def test_the_digest_of_the_source_follows_its_content_and_not_where_it_is(tmp_path, name, content, same):
+    digests = []
+    for folder, where, text in (("a", "refkin/newton.py", b"LIMIT = 1\nx = 2\n"), ("b", name, content)):
+        file = tmp_path / folder / where
+        file.parent.mkdir(parents=True)
+        file.write_bytes(text)
+        file.with_suffix(".pyc").write_bytes(folder.encode())
+        digests.append(source.digest(tmp_path / folder))
+
+    assert (digests[0] == digests[1]) is same
 
 
 def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monkeypatch):

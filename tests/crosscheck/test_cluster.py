@@ -101,7 +101,9 @@ def test_every_worker_gets_a_batch(two_workers, scenes, size):
 
 
 def test_a_worker_with_another_version_of_an_engine_is_refused():
-    with pytest.raises(NoCluster, match=r"has \{'closed_form': .*\}, this machine \{'closed_form': '0'\}"):
+    with pytest.raises(
+        NoCluster, match=r"has \{'source code': '\w{16}', 'closed_form': .*\}, this machine \{'closed_form': '0'\}"
+    ):
         local(versions={"closed_form": "0"})
 
 

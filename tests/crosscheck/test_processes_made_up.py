@@ -12,6 +12,7 @@ from crosscheck.workers import cluster, pool, processes
 from crosscheck.workers.cluster import ClusterWorkers, NoCluster
 from crosscheck.workers.pool import MOST_KILLS, SameName, Work, find_engines
 from crosscheck.workers.processes import Child, Failure, FailureKind, Message, call_each, call_in_turn, serve, stop
+from crosscheck.workers.source import digest
 
 CRASH = Failure(FailureKind.CRASH, "its process ended: SIGSEGV", "SIGSEGV")
 HANG = Failure(FailureKind.HANG, "no answer within 7 s")
@@ -342,7 +343,7 @@ def test_a_worker_says_which_engines_it_has_or_why_it_is_of_no_use(monkeypatch):
     answers = [("fake", "1"), ("other", "2")]
     monkeypatch.setattr(cluster, "call_each", lambda function, specs: answers[: len(specs)])
 
-    assert cluster.versions_here(("a.py", "b.py")) == {"fake": "1", "other": "2"}
+    assert cluster.versions_here(("a.py", "b.py")) == {cluster.SOURCE: digest(), "fake": "1", "other": "2"}
     answers[1] = CRASH
     assert cluster.versions_here(("a.py", "b.py")) == CRASH.text
     monkeypatch.setattr("multiprocessing.current_process", lambda: SimpleNamespace(daemon=True))
