@@ -12,6 +12,9 @@ from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
 from refkin.joints.elements import GROUND
 
+LONGEST = 1e300
+"""Of a length [m], so that the distance of two points is in float64; a law's rate that is not ends in a status."""
+
 
 class WrongCount(Fault):
     """A list of another length; its value are the numbers that stand in the file."""
@@ -107,9 +110,9 @@ def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> 
 
 
 def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
-    """Yield every number in a dataclass, at any depth, that is not finite."""
-    if isinstance(item, float) and not math.isfinite(item):
-        yield Fault(path, item, "a finite number")
+    """Yield every number in a dataclass, at any depth, that is not finite or too long."""
+    if isinstance(item, float) and not (math.isfinite(item) and (abs(item) <= LONGEST or "law" in path)):
+        yield Fault(path, item, "a finite number" + f" of at most {LONGEST:g} in size" * math.isfinite(item))
     elif isinstance(item, tuple):
         for k, part in enumerate(item):
             yield from _finite_faults(f"{path}[{k}]", part)

@@ -95,8 +95,9 @@ def _guessed(fault: Fault, data: Any) -> Fault:
         return replace(fault, expected='"spatial", as the rest of the file is')
     if isinstance(fault, WrongCount):
         return replace(fault, value=at(fault.path, data))
-    if fault.path in GROUPS and fault.expected == "a list":  # as pydantic says that it is none
-        return replace(fault, expected=f"a list: each {group} under a header [[{group}]]")
+    if fault.path in GROUPS and fault.expected.startswith("a list"):  # as pydantic says that it is none
+        rest = fault.expected.removeprefix("a list")
+        return replace(fault, expected=f"a list: each {group} under a header [[{group}]]{rest}")
     if fault.value == GROUND and group == "body":
         return replace(fault, expected=f"a name other than {GROUND!r}, which is reserved for the fixed frame")
     for dimension, types in TYPES.get(group, {}).items() if key == "type" else ():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 import tomllib
 from dataclasses import MISSING, fields, replace
@@ -21,6 +22,8 @@ from refkin.scenes.explained import GROUPS, at, explained
 
 LONGEST_INTEGER = 14_000
 """Bits of an integer that Python writes in decimals."""
+
+SURROGATE, TEXT = re.compile("[\ud800-\udfff]"), "text without half of a character (a lone surrogate)"
 
 
 def load(path: str | Path) -> Scene:
@@ -100,17 +103,24 @@ def _quoted(fault: Fault, data: Any) -> Fault:
 
 
 def _readable(data: Any, path: str, faults: list[Fault], depth: int = 0) -> Any:
-    """Return data with only what JSON can say, and note what a scene file cannot hold: dates, and endless nesting.
+    """Return data with only what JSON can say, and note what a scene file cannot hold: dates, endless nesting, no text.
 
-    An integer beyond every float becomes infinite, and is found like any other number that is not finite.
+    Half of a pair of surrogates is an escape in JSON, and no character. An integer beyond every float becomes infinite,
+    and is found like any other number that is not finite.
     """
     if depth > DEEPEST:
         faults.append(Fault(path, None, f"at most {DEEPEST} levels of tables and lists"))
         return None
     if isinstance(data, dict):
+        halves = [k for k in data if SURROGATE.search(str(k))]
+        faults += [Fault(f"{path}.{k}" if path else k, k, TEXT) for k in halves]
+        data = {k: v for k, v in data.items() if k not in halves}
         return {k: _readable(v, f"{path}.{k}" if path else k, faults, depth + 1) for k, v in data.items()}
     if isinstance(data, list):
         return [_readable(v, f"{path}[{k}]", faults, depth + 1) for k, v in enumerate(data)]
+    if isinstance(data, str) and SURROGATE.search(data):
+        faults.append(Fault(path, data, TEXT))
+        return SURROGATE.sub("\ufffd", data)  # the same for the same name: nothing else is wrong with it
     if isinstance(data, (date, time)):
         faults.append(Fault(path, str(data), "no date or time"))
         return None  # which nothing else may stand on

@@ -292,7 +292,10 @@ def _fault(error: Any) -> Fault:
         choices = tuple(re.findall(r"'([^']*)'", known or ""))  # pydantic's text: it hands over no list
         return Fault(f"{path}.{key}", value.get(key), f"one of {known}" if known else MISSING_KEY, choices=choices)
     expected = error["msg"].removeprefix("Input should be ")
-    return Fault(path, value, _PLAIN.get(expected, expected.replace("a valid ", "a ")))
+    plain = _PLAIN.get(expected, expected.replace("a valid ", "a "))
+    return Fault(
+        path, value, f"{plain}, not null" if value is None else plain
+    )  # None says elsewhere that none is there
 
 
 def _parts(loc: Any) -> list[Any]:

@@ -286,6 +286,59 @@ def test_a_message_holds_no_control_character_of_a_file():
     assert any("a body of the scene: ground, cr\\x1b[31mank\\n, coupler" in line for line in lines)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "paths"),
+    [
+        ("crank-rocker", r"\ud800", ["name"]),
+        ('"name": "crank-rocker"', r'"\udfff": 1', ["\udfff"]),
+        ('"crank"', r'"cr\ud800nk"', ["body[0].name", "joint[0].body_j", "joint[1].body_i", "driver[0].body"]),
+    ],
+    ids=["name", "key", "body, and who names it"],
+)
+def test_half_of_a_character_is_one_fault_wherever_it_stands(tmp_path, before, after, paths):
+    """JSON lets it pass as an escape, and no text holds it: that ended in a traceback."""
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(GOOD).replace(before, after), encoding="utf-8")
+    with pytest.raises(InvalidScene) as result:
+        load(path)
+    lines = str(result.value).splitlines()
+
+    assert [fault.path for fault in result.value.faults] == paths
+    assert all(line.isprintable() and "half of a character (a lone surrogate), got '" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("null", "file: expected a table of keys, not null"),
+        (json.dumps({**GOOD, "effects": None}), "effects: expected a list, not null"),
+        (json.dumps({**GOOD, "body": None}), "body: expected a list: each body under a header [[body]], not null"),
+    ],
+)
+def test_null_where_something_has_to_stand_is_named(tmp_path, text, said):
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidScene) as result:
+        load(path)
+
+    assert f"{path}: {said}" in str(result.value).splitlines()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("key", ["point_i", "point_j"])
+def test_a_point_beyond_all_distances_is_a_fault_of_its_numbers(key):
+    """The distance of two such points is no float: that ended in a traceback, or in a warning of NumPy's."""
+    data = copy.deepcopy(GOOD)
+    data["joint"][0][key] = [1e308, -1e308]
+    lines = messages(data)
+
+    assert [line.split(",")[0] for line in lines] == [
+        f"scene.toml: joint[0].{key}[{k}]: expected a finite number of at most 1e+300 in size" for k in (0, 1)
+    ]
+    data["joint"][0][key] = [1e300, -1e300]
+    assert parse(data).mechanism.size() > 1e299
+
+
 def test_times_out_of_order_are_told_beside_a_joint_that_cannot_be_read():
     data = copy.deepcopy(GOOD)
     data["times"] = {"values": [1.0, 0.0]}
