@@ -2,6 +2,13 @@
 
 import gc
 import os
+import signal
+from typing import NoReturn
+
+from crosscheck.errors import Terminated
+
+SIGNALS = ("SIGTERM", "SIGHUP")
+"""By which a batch system, and a terminal that is closed, end a process; Windows has no second one."""
 
 
 def main() -> None:
@@ -14,7 +21,15 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from crosscheck.cli import main as command_line
 
+    for number in (getattr(signal, name, None) for name in SIGNALS):
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # `nohup` has one ignored
+            signal.signal(number, _end)
     command_line()
+
+
+def _end(number: int, _: object) -> NoReturn:
+    signal.signal(number, signal.SIG_DFL)  # the next one ends it wherever it is
+    raise Terminated(number)
 
 
 if __name__ == "__main__":

@@ -5,11 +5,13 @@ A command is imported when it is called: solving a small scene does not wait for
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
+from typing import TextIO
 
 import cyclopts
 
@@ -60,9 +62,14 @@ for name, (place, what) in COMMANDS.items():
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
-    with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr, BAR)):
+    with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(Printable(_open(sys.stderr), BAR)):
         code = _run(arguments)
     sys.exit(code)
+
+
+def _open(stream: TextIO | None) -> TextIO:
+    """Return a stream; for one that was closed by the shell, one that keeps nothing, in its place among the files."""
+    return open(os.devnull, "w", encoding="utf-8") if stream is None else stream
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -81,7 +88,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         about = f"{file}: {error.strerror}" if file and error.strerror else str(error)
         code = _ended(about, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
-        code = _ended(error, INTERRUPTED)
+        code = _ended(error, getattr(error, "code", INTERRUPTED))
     except Exception as error:  # a fault of our own: said like any other, with the place to look at
         at = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{at.name}, {Path(at.filename).name}:{at.lineno}"
@@ -91,5 +98,6 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _ended(error: BaseException | str, code: int) -> int:
-    print(str(error) or "interrupted", file=sys.stderr)
+    with suppress(OSError):  # a terminal that was closed hears nothing more
+        print(str(error) or "interrupted", file=sys.stderr, flush=True)
     return code

@@ -27,6 +27,14 @@ class UsageError(CannotRun):
     code = USAGE
 
 
+class Terminated(KeyboardInterrupt):
+    """Asked to end by a signal, which ends what Ctrl-C ends; its exit code is the one that a shell tells it by."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__("terminated")
+        self.code = 128 + number
+
+
 def kept(text: str) -> str:
     """Return what an engine says as records hold it: of bounded length, and what UTF-8 cannot say written out."""
     text = text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."

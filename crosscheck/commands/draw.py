@@ -15,6 +15,7 @@ from crosscheck.commands.usage import SceneFile, positive, writable
 from crosscheck.errors import PASS, CannotRun, UsageError, naming
 from refkin.model import Effect, Scene
 from refkin.output import MissingPackage, NothingToDraw, SceneMotion
+from refkin.output.drawing import UnknownFormat
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
@@ -31,8 +32,8 @@ def draw(
 ) -> int:
     """Draw the mechanism of a scene in one pose, with the curves of its points.
 
-    Exit codes: 0 drawn, 2 the scene or the request is invalid, 4 there is no pose to draw, or the file cannot be
-    written (matplotlib is missing, or does not know its ending).
+    Exit codes: 0 drawn, 2 the scene or the request is invalid (nothing here writes files of that ending), 4 there is no
+    pose to draw, or the file cannot be written (matplotlib is missing).
 
     Parameters
     ----------
@@ -90,5 +91,7 @@ def _one_line() -> Iterator[None]:
     """End the command where there is nothing to draw, or no way to."""
     try:
         yield
+    except UnknownFormat as error:
+        raise UsageError(str(error)) from error
     except (NothingToDraw, MissingPackage) as error:
         raise CannotRun(str(error)) from error

@@ -118,9 +118,10 @@ def nightly(
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
-        except KeyboardInterrupt:
-            message = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
-            raise KeyboardInterrupt(message) from None
+        except KeyboardInterrupt as error:
+            kept = f"what was checked is kept in {plan.out}, and the same command goes on from there"
+            error.args = (f"{str(error) or 'interrupted'}; {kept}",)
+            raise
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
     if outcome.checked:
         write_sections(plan.out, outcome.engines, {ALWAYS, *SAMPLED}, seconds, _told)

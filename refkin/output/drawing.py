@@ -40,6 +40,10 @@ class NothingToDraw(RefkinError):
     """A motion without any pose."""
 
 
+class UnknownFormat(NothingToDraw):
+    """A file whose ending nothing here writes."""
+
+
 @dataclass(frozen=True)
 class Part:
     """Shapes that move as one.

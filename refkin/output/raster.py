@@ -11,7 +11,7 @@ from matplotlib.figure import Figure  # not pyplot: it wants a screen, and leave
 from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 
-from refkin.output.drawing import Drawing, NothingToDraw
+from refkin.output.drawing import Drawing, UnknownFormat
 from refkin.output.spatial import Shape
 from refkin.output.svg import STYLES, frames_of
 
@@ -31,13 +31,13 @@ def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = 
 
     Raises
     ------
-    NothingToDraw
+    UnknownFormat
         If matplotlib has no such format.
     """
     arrows = [arrow for rate in rates for arrow in drawing.arrows(k, rate)]
     figure, axes = _page(drawing, arrows)
     if file.suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
-        raise NothingToDraw(f"{file}: expected a file of .svg, .png, .pdf or another that matplotlib writes")
+        raise UnknownFormat(f"{file}: expected a file of .svg, .png, .pdf or another that matplotlib writes")
     shapes = [*drawing.curves, *(shape for part in drawing.parts for shape in part.at(k))]
     for shape in (*shapes, *arrows):
         _add(axes, shape)
@@ -57,14 +57,14 @@ def save_animation(drawing: Drawing, file: Path, seconds: float = 4.0) -> None:
 
     Raises
     ------
-    NothingToDraw
+    UnknownFormat
         If there is no writer for such a file.
     """
     writers = {".gif": "pillow", ".mp4": "ffmpeg"}
     writer = writers.get(file.suffix.lower(), "")
     if not animation.writers.is_available(writer):
         known = ", ".join(suffix for suffix, name in writers.items() if animation.writers.is_available(name))
-        raise NothingToDraw(f"{file}: expected a file of {known or 'no kind: matplotlib can write none here'} or .svg")
+        raise UnknownFormat(f"{file}: expected a file of {known or 'no kind: matplotlib can write none here'} or .svg")
     figure, axes = _page(drawing)
     frames = frames_of(drawing)
     box = axes.axis()

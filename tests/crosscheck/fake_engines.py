@@ -101,7 +101,7 @@ def records_of(out: Path) -> dict[str, dict[str, Any]]:
 
 
 def command(*arguments: Any) -> list[str]:
-    return [sys.executable, "-c", "from crosscheck.cli import main; main()", *map(str, arguments)]
+    return [sys.executable, "-c", "from crosscheck.__main__ import main; main()", *map(str, arguments)]
 
 
 def crosscheck(*arguments: Any, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:

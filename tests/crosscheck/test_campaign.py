@@ -139,18 +139,23 @@ def test_a_worker_killed_by_its_pid_in_the_middle_changes_nothing(slow, undistur
     assert (night.returncode, records_of(tmp_path)) == (0, undisturbed)
 
 
-def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_worker(slow, undisturbed, tmp_path):
+@pytest.mark.parametrize(
+    ("signalled", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_worker(
+    signalled, code, word, slow, undisturbed, tmp_path
+):
     spec, pids = slow
     forgotten(pids)
     with start(*arguments(spec, tmp_path)) as night:
         wait_for_records(tmp_path, 3)
-        os.killpg(night.pid, signal.SIGINT)  # as a terminal does: to all of the group
+        os.killpg(night.pid, signalled)  # as a terminal does: to all of the group
         _, result = night.communicate(timeout=30)
     kept = records_of(tmp_path)
     resumed = crosscheck(*arguments(spec, tmp_path))
 
-    assert night.returncode == 130
-    line = f"interrupted; what was checked is kept in {tmp_path}, and the same command goes on from there\n"
+    assert night.returncode == code
+    line = f"{word}; what was checked is kept in {tmp_path}, and the same command goes on from there\n"
     last = result.splitlines(keepends=True)[-1]  # a slow machine has said how far it is before
     assert (last, alive(pids_in(pids))) == (line, [])
     assert 3 <= len(kept) < 12

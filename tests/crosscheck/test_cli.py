@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
+import os
 import re
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,16 +19,19 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck import __main__
 from crosscheck.cli import COMMANDS, app
 from crosscheck.commands import usage
 from crosscheck.commands.solve import solve
 from crosscheck.commands.usage import shown_progress
 from crosscheck.engines import EngineRefusal, load
+from crosscheck.errors import Terminated
 from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import to_toml
 from refkin.solving.limits import expected_seconds
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
+from .fake_engines import command as command_line
 
 ROOT = Path(__file__).parent.parent.parent
 GOOD = ROOT / "examples" / "crank-rocker.toml"
@@ -383,10 +389,10 @@ def test_arrows_are_drawn_of_each_rate_that_is_asked_for_alone(rates, command, t
 
 
 @pytest.mark.parametrize("asked", ["draw", "animate"])
-def test_a_picture_that_nobody_can_write_ends_with_4_and_one_line(asked, command, tmp_path):
+def test_a_picture_that_nobody_can_write_ends_with_2_and_one_line(asked, command, tmp_path):
     process = command(asked, GOOD, "--out", tmp_path / "picture.xyz")
 
-    assert process.returncode == 4
+    assert process.returncode == 2
     assert process.stderr.startswith(f"{tmp_path / 'picture.xyz'}: expected a file of ")
     assert process.stderr.count("\n") == 1
 
@@ -543,3 +549,56 @@ def test_two_laws_that_turn_back_1400_times_are_said_to_take_long():
 
     assert expected_seconds(scene) < 1.0  # the range of one law alone is gone through once
     assert 5.0 < expected_seconds(both) < 30.0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="of a shell's >&-")
+@pytest.mark.parametrize(
+    ("closed", "words", "code", "left"),
+    [
+        ((1,), ("solve", GOOD), 0, ("", "")),
+        ((1,), ("solve", "no file"), 2, ("", "no file: file: expected a readable file")),
+        ((2,), ("solve", "no file"), 2, ("", "")),
+        ((1, 2), ("engines",), 0, ("", "")),
+    ],
+)
+def test_a_stream_that_the_shell_has_closed_is_not_written_to(closed, words, code, left):
+    """It ended with 4 and an attribute of None; and what was said to a closed standard error came out as an answer."""
+    closing = lambda: [os.close(number) for number in closed]  # noqa: E731
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 60.0}
+    process = subprocess.run(command_line(*words), **pipes, preexec_fn=closing, check=False)
+
+    assert process.returncode == code
+    assert (process.stdout, process.stderr[: len(left[1])]) == left
+    assert left[1] or not process.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_command_that_a_signal_ends_says_so_in_one_line(number, code, tmp_path):
+    """By SIGTERM a batch system ends what runs too long: there was no word of it in the log."""
+    path = tmp_path / "long.toml"
+    text = GOOD.read_text(encoding="utf-8")
+    path.write_text(re.sub("count *= *[0-9]+", "count = 1000000", text), encoding="utf-8")
+    asked = [sys.executable, "-m", "crosscheck", "solve", str(path)]
+    with subprocess.Popen(asked, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert "1000000 times: this takes about" in process.stderr.readline()
+        process.send_signal(number)
+        answer, said = process.communicate(timeout=60.0)
+
+    assert (process.returncode, answer, said) == (code, "", "terminated\n")
+
+
+def test_a_signal_that_the_shell_ignores_stays_ignored(monkeypatch):
+    """`nohup` has it so."""
+    kept: dict[int, Any] = {signal.SIGHUP: signal.SIG_IGN, signal.SIGTERM: signal.SIG_DFL}
+    monkeypatch.setattr(signal, "getsignal", kept.get)
+    monkeypatch.setattr(signal, "signal", kept.__setitem__)
+    monkeypatch.setattr("crosscheck.cli.main", lambda: None)
+    before = gc.get_threshold()
+    __main__.main()
+    gc.set_threshold(*before)
+
+    assert kept[signal.SIGHUP] is signal.SIG_IGN
+    with pytest.raises(Terminated):
+        kept[signal.SIGTERM](signal.SIGTERM, None)
+    assert kept[signal.SIGTERM] is signal.SIG_DFL  # a second one ends it wherever it is
