@@ -118,7 +118,7 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
 
 
 def outcome_lines(outcome: NightOutcome) -> list[str]:
-    """Return how a night ended, in lines that a log can hold."""
+    """Return how a night ended, in lines that a log can hold; what was counted is in the report."""
     lines = [f"new: {c.disagreement}{f'  ({c.file})' if c.file else ''}" for c in outcome.new[:MOST_LINES]]
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
@@ -130,5 +130,4 @@ def outcome_lines(outcome: NightOutcome) -> list[str]:
         lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")
     if outcome.new:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
-    counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
-    return [*lines, f"{outcome.checked} scenes checked, {counted}"]
+    return lines

@@ -145,7 +145,9 @@ def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:
     shown = console(None, stderr=True)
     unread = [f"failed: {text}" for text in report["failures"] if text not in outcome.failed][:MOST_LINES]
     warned += [f"note: {line}" for line in report["notes"]]
-    for line in (*unread, *outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
+    counted = f"{report['new_disagreements']} new and {report['known_disagreements']} known disagreements"
+    lines = [*outcome_lines(outcome), f"{outcome.checked} scenes checked, {counted}"]
+    for line in (*unread, *lines, *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
         shown.print(line, soft_wrap=True)
     return CODES[report["verdict"]]
 

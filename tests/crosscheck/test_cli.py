@@ -253,6 +253,19 @@ def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
     assert "failed: records.jsonl, line 2 is no record: " in process.stderr
 
 
+def test_what_a_night_counts_is_what_its_report_counts(tmp_path, nightly):
+    """Also where a record lists nothing of what its numbers say: 0 new disagreements stood beside a list of them."""
+    asked = (tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT))
+    nightly(*asked, scenes=1)
+    path = tmp_path / "out" / "records.jsonl"
+    path.write_text(json.dumps({**json.loads(path.read_text(encoding="utf-8")), "disagreements": []}) + "\n")
+    process = nightly(*asked, scenes=1)
+    report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+
+    assert (process.returncode, report["new_disagreements"] > 0) == (1, True)
+    assert f"1 scenes checked, {report['new_disagreements']} new and 0 known disagreements" in process.stderr
+
+
 def test_a_log_shows_no_bar(tmp_path, nightly):
     process = nightly(tmp_path, "--engines", "closed_form", scenes=2)
 
