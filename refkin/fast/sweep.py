@@ -106,8 +106,8 @@ class _Task:
         a single loop determinants are not looked at again: beyond a gap the march's prediction, which is so near, leads
         to the other assembly, with the other sign.
         """
-        loops, t = len(self.march.signs) > 1, self.t  # one may move another: it is seen at the marched poses, too
-        if not loops and not unseen(self.system, t, q, loops=False):
+        loops, t = 2 * (len(self.march.signs) > 1), self.t  # one may move another: it is seen at the marched poses, too
+        if not loops and not unseen(self.system, t, q, loops=0):
             return True
         known = set(self.scene.times)
         between = [p for p in poses if p.t not in known]

@@ -82,7 +82,7 @@ def turning_points(system: System, a: float, b: float) -> tuple[list[float], lis
     return [t for t in turning if a + close < t < b - close], near
 
 
-def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: bool = True) -> list[int]:
+def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: int = 1) -> list[int]:
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
     Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
@@ -96,11 +96,11 @@ def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops
         Times in increasing order [s], and the poses there, in the system's coordinates.
     parts : Blocks, optional
         The blocks of phi_q, if they are known.
-    loops : bool
-        Whether determinants are looked at.
+    loops : int
+        How many loops there are at least for determinants to be looked at; 0 for never.
     """
     laws = [law for c in system.mechanism.constraints for law in c.laws]
-    steps = dips(system, t, q, parts) if loops else np.zeros(len(t) - 1, bool)
+    steps = dips(system, t, q, parts, loops) if loops else np.zeros(len(t) - 1, bool)
     if len(laws) > 1:
         steps |= np.sum([np.diff(law(t)) != 0.0 for law in laws], axis=0) > 1
     for cam in polar_cams(system.mechanism.joints):

@@ -81,7 +81,7 @@ def blocks(system: System, q: Any, t: float, rows: Any = None) -> Blocks:
     return _blocks_of(pattern[rows].tobytes(), tuple(rows.tolist()))
 
 
-def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
+def dips(system: System, t: Any, q: Any, parts: Blocks | None = None, loops: int = 1) -> Any:
     """Return (T - 1,) whether a block may become singular between two poses, for all that their determinants show.
 
     A law that does not turn back may move a loop over a gap in which it does not close, or one loop may move another to
@@ -98,6 +98,8 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
         Times in increasing order [s], and the poses there, in the system's coordinates.
     parts : Blocks, optional
         The blocks of phi_q, if they are known.
+    loops : int
+        How many loops there are at least for any to be looked at.
     """
     if len(t) < 2:
         return np.zeros(0, bool)
@@ -108,7 +110,7 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
     _, here = parts.each_of_batch(jacobian)
     with np.errstate(invalid="ignore"):
         changing = np.ptp(here, axis=0) > MOMENT
-    if not np.any(changing):
+    if np.count_nonzero(changing) < loops:
         return np.zeros(len(t) - 1, bool)
     stacked = jacobian[rows].transpose(2, 0, 1)  # a copy
     stacked[np.linalg.slogdet(stacked)[0] == 0.0] = np.nan
