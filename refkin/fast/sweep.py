@@ -115,7 +115,7 @@ class _Task:
         t = np.append(t, [p.t for p in between])
         q, order = np.column_stack([q, *whole]), np.argsort(t)
         t, q = t[order], q[:, order]
-        steps = unseen(self.system, t, q, loops=loops)
+        steps = unseen(self.system, t, q, loops=loops, between=pose_between)
         return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
 
     def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> StepAnswer:

@@ -27,6 +27,7 @@ from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, extrema_of, hides, sign_changes
 from refkin.proof.path.blocks import Blocks, diagonal_blocks, dips
+from refkin.proof.path.tube import Between
 from refkin.system import System, compile_system
 
 OFTEN = 8
@@ -35,6 +36,8 @@ COUNTING = ({"angle by a law"}, {"rolling wheels"})
 """The elements of those constraints whose rows count the turns of an angle: an angle driver's, a gear's."""
 CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
+HALVINGS = 24
+"""How often a doubted step is halved for determinants to say enough: down to 1e-7 of it."""
 LITTLE = 1e-12
 """What a law may do within the last digits of a time without a step of its own, unless it is rounding [sizes, rad]."""
 SAME = 1e-9
@@ -82,7 +85,9 @@ def turning_points(system: System, a: float, b: float) -> tuple[list[float], lis
     return [t for t in turning if a + close < t < b - close], near
 
 
-def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: int = 1) -> list[int]:
+def unseen(
+    system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: int = 1, between: Between | None = None
+) -> list[int]:
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
     Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
@@ -98,15 +103,31 @@ def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops
         The blocks of phi_q, if they are known.
     loops : int
         How many loops there are at least for determinants to be looked at; 0 for never.
+    between : callable, optional
+        What finds poses between two: where their determinants say enough, those of the two need not.
     """
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     steps = dips(system, t, q, parts, loops) if loops else np.zeros(len(t) - 1, bool)
+    for k in np.flatnonzero(steps) if between else ():
+        steps[k] = not _seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between, HALVINGS)
     if len(laws) > 1:
         steps |= np.sum([np.diff(law(t)) != 0.0 for law in laws], axis=0) > 1
     for cam in polar_cams(system.mechanism.joints):
         contact = q[system.parameter(cam.name).start].tolist()
         steps |= np.array([hides(cam.profile.law, *sorted(ends)) for ends in pairwise(contact)], bool)
     return [int(k) for k in np.flatnonzero(steps)]
+
+
+def _seen_nearer(system: System, t: Any, q: Any, between: Any, halvings: int) -> bool:
+    """Return whether no determinant is doubted in smaller steps between two poses, which lead from one to the other."""
+    middle = (t[0] + t[1]) / 2
+    pose = between(system, q[:, 0], t[0], middle) if halvings and t[0] < middle < t[1] else None
+    end = None if pose is None else between(system, pose, middle, t[1])
+    if pose is None or end is None or not np.max(np.abs(end - q[:, 1])) <= SAME * max(1.0, float(np.max(np.abs(end)))):
+        return False
+    t, q = np.array([t[0], middle, t[1]]), np.column_stack([q[:, 0], pose, q[:, 1]])
+    doubted = np.flatnonzero(dips(system, t, q))
+    return all(_seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between, halvings - 1) for k in doubted)
 
 
 def over_a_range(sweep: Any, target: float, turning: list[float]) -> Any:

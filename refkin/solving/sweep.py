@@ -134,7 +134,7 @@ class Sweep(Steps):
         """The numbers of the poses from which a step was taken that is to be proved."""
         steps: Sequence[int] = range(len(self.t) - 1)
         if not self.certified:
-            steps = unseen(self.system, np.array(self.t), np.array(self.q).T, self._blocks)
+            steps = unseen(self.system, np.array(self.t), np.array(self.q).T, self._blocks, between=pose_between)
             steps = sorted({*self.uncertified, *steps})
         return [k for k in steps if k not in self.jumps]
 
