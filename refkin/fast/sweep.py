@@ -16,6 +16,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,8 @@ class _Task:
         a single loop determinants are not looked at again: beyond a gap the march's prediction, which is so near, leads
         to the other assembly, with the other sign.
         """
-        loops, t = 2 * (len(self.march.signs) > 1), self.t  # one may move another: it is seen at the marched poses, too
+        # Where there are two, one may move another: it is seen at the marched poses, too.
+        loops, t = 2 if len(self.march.signs) > 1 else 0, self.t
         if not loops and not unseen(self.system, t, q, loops=0):
             return True
         known = set(self.scene.times)
@@ -115,7 +117,7 @@ class _Task:
         t = np.append(t, [p.t for p in between])
         q, order = np.column_stack([q, *whole]), np.argsort(t)
         t, q = t[order], q[:, order]
-        steps = unseen(self.system, t, q, loops=loops, between=pose_between)
+        steps = unseen(self.system, t, q, loops=loops, between=partial(pose_between, proving=False))
         return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
 
     def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> StepAnswer:

@@ -251,12 +251,14 @@ def _targets(sweep: Sweep, times: Sequence[float]) -> tuple[Any, Any]:
     turning = np.array(extrema_of(constraints, ends[0], ends[-1]))
     if len(turning) > LISTED:  # not all of them are known
         return ends[:0], turning[:0]
+    turning = turning[(ends[0] < turning) & (turning < ends[-1])]  # one next to an end may be rounded to it
     interval = np.searchsorted(ends, turning) - 1
     near = np.minimum(turning - ends[interval], ends[interval + 1] - turning) <= close
     counts = np.bincount(interval, minlength=1)
     # What happens within the last digits of a time is left to the sweep.
     for k in set(interval[near].tolist()):
-        counts[k] += OFTEN * bool(turning_points(sweep.system, ends[k], ends[k + 1])[1])
+        if turning_points(sweep.system, ends[k], ends[k + 1])[1]:
+            counts[k] = OFTEN + 1
     turning, often = turning[~near], np.flatnonzero(counts > OFTEN)
     end = ends[often[0]] if often.size else ends[-1]
     return ends[1:][ends[1:] <= end], turning[turning < end]

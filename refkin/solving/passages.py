@@ -36,8 +36,8 @@ COUNTING = ({"angle by a law"}, {"rolling wheels"})
 """The elements of those constraints whose rows count the turns of an angle: an angle driver's, a gear's."""
 CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
-HALVINGS = 24
-"""How often a doubted step is halved for determinants to say enough: down to 1e-7 of it."""
+HALVED = 64
+"""How many steps are halved, a doubted one and parts of it, for determinants to say enough."""
 LITTLE = 1e-12
 """What a law may do within the last digits of a time without a step of its own, unless it is rounding [sizes, rad]."""
 SAME = 1e-9
@@ -104,12 +104,13 @@ def unseen(
     loops : int
         How many loops there are at least for determinants to be looked at; 0 for never.
     between : callable, optional
-        What finds poses between two: where their determinants say enough, those of the two need not.
+        What finds poses between two by steps that pass every test: where their determinants say enough, those of the
+        two need not.
     """
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     steps = dips(system, t, q, parts, loops) if loops else np.zeros(len(t) - 1, bool)
     for k in np.flatnonzero(steps) if between else ():
-        steps[k] = not _seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between, HALVINGS)
+        steps[k] = not _seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between)
     if len(laws) > 1:
         steps |= np.sum([np.diff(law(t)) != 0.0 for law in laws], axis=0) > 1
     for cam in polar_cams(system.mechanism.joints):
@@ -118,16 +119,22 @@ def unseen(
     return [int(k) for k in np.flatnonzero(steps)]
 
 
-def _seen_nearer(system: System, t: Any, q: Any, between: Any, halvings: int) -> bool:
+def _seen_nearer(system: System, t: Any, q: Any, between: Any) -> bool:
     """Return whether no determinant is doubted in smaller steps between two poses, which lead from one to the other."""
-    middle = (t[0] + t[1]) / 2
-    pose = between(system, q[:, 0], t[0], middle) if halvings and t[0] < middle < t[1] else None
-    end = None if pose is None else between(system, pose, middle, t[1])
-    if pose is None or end is None or not np.max(np.abs(end - q[:, 1])) <= SAME * max(1.0, float(np.max(np.abs(end)))):
-        return False
-    t, q = np.array([t[0], middle, t[1]]), np.column_stack([q[:, 0], pose, q[:, 1]])
-    doubted = np.flatnonzero(dips(system, t, q))
-    return all(_seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between, halvings - 1) for k in doubted)
+    doubted = [(*t, *q.T)]
+    for _ in range(HALVED):
+        if not doubted:
+            return True
+        first, last, start, end = doubted.pop()
+        middle = (first + last) / 2
+        pose = between(system, start, first, middle) if first < middle < last else None
+        arrived = None if pose is None else between(system, pose, middle, last)
+        if pose is None or arrived is None or not np.max(np.abs(arrived - end)) <= SAME * max(1.0, np.max(np.abs(end))):
+            return False
+        at, poses = (first, middle, last), (start, pose, end)
+        for k in np.flatnonzero(dips(system, np.array(at), np.column_stack(poses))):
+            doubted.append((*at[k : k + 2], *poses[k : k + 2]))
+    return False
 
 
 def over_a_range(sweep: Any, target: float, turning: list[float]) -> Any:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -134,7 +134,13 @@ class Sweep(Steps):
         """The numbers of the poses from which a step was taken that is to be proved."""
         steps: Sequence[int] = range(len(self.t) - 1)
         if not self.certified:
-            steps = unseen(self.system, np.array(self.t), np.array(self.q).T, self._blocks, between=pose_between)
+            steps = unseen(
+                self.system,
+                np.array(self.t),
+                np.array(self.q).T,
+                self._blocks,
+                between=partial(pose_between, proving=False),
+            )
             steps = sorted({*self.uncertified, *steps})
         return [k for k in steps if k not in self.jumps]
 
@@ -260,8 +266,8 @@ class Sweep(Steps):
         return Arrival.OUT_OF_STEPS
 
 
-def pose_between(system: System, q: Any, t: float, later: float) -> Any:
-    """Return the pose (n,) that a proving sweep from the pose q (n,) at t finds at a later time; None if it finds none.
+def pose_between(system: System, q: Any, t: float, later: float, *, proving: bool = True) -> Any:
+    """Return the pose (n,) that a sweep from the pose q (n,) at t finds at a later time; None if it finds none.
 
     Parameters
     ----------
@@ -270,6 +276,8 @@ def pose_between(system: System, q: Any, t: float, later: float) -> Any:
         The pose at time t [s].
     t, later : float
         Times [s].
+    proving : bool
+        Whether steps are taken that count only once it is proved that the branch was kept.
     """
-    sweep = Sweep(system, [t], [q], proving=True)
+    sweep = Sweep(system, [t], [q], proving=proving)
     return sweep.q[-1] if sweep.to(later) is Arrival.REACHED else None

@@ -16,6 +16,8 @@ from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.path.blocks import dips
+from refkin.solving import ahead, passages
+from refkin.solving.sweep import Sweep
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
@@ -53,6 +55,42 @@ def test_where_there_is_no_pose_between_two_times_nothing_is_ok_after_it(name, s
     assert refkin.solve(replace(hidden, evidence=frozenset())).status == statuses
 
 
+@pytest.mark.parametrize(
+    ("times", "done"),
+    [
+        ((-1.0, 0.0, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75), 4),
+        ((1.0 - 2.0**-46, *(1.0 + k * 2.0**-52 for k in (-60, -40, -30, -20, 0, 20, 30, 40, 60)), 1.0 + 2.0**-46), 4),
+    ],
+    ids=["far apart", "each a few digits from the next"],
+)
+def test_what_is_hidden_next_to_one_of_many_times_is_not_leapt_over(times, done):
+    """Planted: poses of many times at once went on beyond it; and a time rounded to the first one ended in an error."""
+    hidden = scene("pulse-in-the-last-digits.toml")
+    (driver,), flat = hidden.mechanism.drivers, hidden.mechanism.drivers[0].law.value[0]
+    table = Table(
+        argument=(-1.0, -0.5, *driver.law.argument, 1.5, 2.0), value=(*[flat] * 2, *driver.law.value, flat, flat)
+    )
+    law = table if times[0] < 0.0 else driver.law
+    mechanism = replace(hidden.mechanism, drivers=(replace(driver, law=law),))
+
+    assert statuses(refkin.solve(replace(hidden, mechanism=mechanism, times=times))) == "o" * done + "." * (
+        len(times) - done
+    )
+
+
+@pytest.mark.parametrize(("hidden", "left"), [([], 4), ([math.pi], 1)])
+def test_poses_are_found_at_once_up_to_what_is_hidden_next_to_a_time(hidden, left, monkeypatch):
+    """The law turns back at pi alone; only on both sides of that it is asked how far it goes there."""
+    law = Sinusoid(amplitude=0.3, angular_frequency=1.0, offset=1.0, phase=-math.pi / 2)
+    still = ROCKER.scene(law=law, times=(0.1, 1.0, math.pi, 4.0, 5.0))
+    asked = []
+    monkeypatch.setattr(ahead, "turning_points", lambda system, a, b: asked.append((a, b)) or ([], hidden))
+    sweep = Sweep(compile_system(still.mechanism, unit=still.mechanism.unit()), [0.1], [np.zeros(9)])
+
+    assert ahead._targets(sweep, still.times[1:])[0].tolist() == [*still.times[1:][:left]]
+    assert set(asked) <= {(1.0, math.pi), (math.pi, 4.0)}
+
+
 def test_a_four_bar_that_just_cannot_turn_is_never_driven_over_its_gap():
     """Its links are too long by 1e-7 to 1e-2 of the crank, and 3 to 30 steps lead over the gap."""
     rng = np.random.default_rng(7)
@@ -75,6 +113,30 @@ def test_a_four_bar_that_just_cannot_turn_is_never_driven_over_its_gap():
 def test_a_doubted_step_is_ok_where_smaller_ones_say_enough():
     """Of 12,535 mechanisms three, beside a gimbal, were lost: their steps were doubted, and not proved."""
     assert refkin.solve(scene("space-gimbal-doubted.toml")).verdict is OK
+
+
+@pytest.mark.parametrize(
+    ("doubted", "off", "missing", "seen"),
+    [
+        (lambda t: [], 0.0, False, True),
+        (lambda t: [0] if t[1] - t[0] > 0.01 else [], 0.0, False, True),
+        (lambda t: [0], 0.0, False, False),
+        (lambda t: [0, 1], 0.0, False, False),
+        (lambda t: [], 1e-6, False, False),
+        (lambda t: [], 0.0, True, False),
+    ],
+    ids=["at once", "nearer", "nowhere", "nowhere at all", "another branch", "no pose"],
+)
+def test_smaller_steps_say_enough_where_none_is_doubted_and_they_lead_to_the_end(
+    doubted, off, missing, seen, monkeypatch
+):
+    """However many are doubted, it ends."""
+    at = lambda t: np.array([t, 2.0 * t])  # noqa: E731
+    marks = lambda system, t, q: np.isin(np.arange(2), doubted(t))  # noqa: E731
+    monkeypatch.setattr(passages, "dips", marks)
+    between = lambda system, q, t, later: None if missing else at(later) + off  # noqa: E731
+
+    assert passages._seen_nearer(None, np.array([0.0, 1.0]), np.stack([at(0.0), at(1.0)], axis=1), between) is seen
 
 
 def test_a_family_goes_by_way_of_a_pulse_in_a_table():
