@@ -77,3 +77,31 @@ def test_a_polynomial_whose_rate_leaves_float64_has_its_extrema():
     law = Polynomial(coefficients=(0.3, 0.0, 0.5e308, 0.0, -1e308))
 
     assert extrema(law, 0.1, 10.0) == [pytest.approx(0.5, rel=1e-15)]
+
+
+WAVE = Sinusoid(amplitude=1.0, angular_frequency=6.0, offset=0.25, phase=0.3)
+
+
+@pytest.mark.parametrize(
+    ("listed", "law"),
+    [(extrema, WAVE), (zeros, WAVE), (extrema, AROUND), (zeros, AROUND), (extrema, Integral(rate=AROUND, initial=0.0))],
+)
+def test_a_list_that_does_not_hold_all_times_is_longer_than_any_that_does(listed, law, monkeypatch):
+    """One that was cut could be as short as a whole one: what a law did later was passed over."""
+    some = listed(law, 0.1, 30.1)
+    monkeypatch.setattr("refkin.proof.numbers.extrema.LISTED", 600)
+
+    assert listed(law, 0.1, 30.1) == some
+    for end in (1e3, 1e4, 1e5):
+        assert 600 < len(listed(law, 0.1, end)) < 620
+
+
+@pytest.mark.parametrize("law", [TABLE, AROUND, Integral(rate=AROUND, initial=0.0)])
+def test_however_many_arguments_a_table_has_all_its_extrema_are_listed(law, monkeypatch):
+    """Between the arguments up to the limit and the end a table was taken for monotone."""
+    for end in np.linspace(0.5, 4.4, 9).tolist():
+        whole = extrema(law, 0.1, end)
+        for limit in range(12):
+            monkeypatch.setattr("refkin.proof.numbers.extrema.LISTED", limit)
+            assert extrema(law, 0.1, end) == whole or len(extrema(law, 0.1, end)) > limit
+        monkeypatch.undo()

@@ -148,9 +148,8 @@ def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
     first, last = sorted((w * end + law.phase) / math.pi - 0.5 for end in (a, b))
     if not w * law.amplitude or not math.isfinite(last - first) or math.floor(last) < math.ceil(first):
         return []
-    numbers = float(math.floor(first)) + np.arange(
-        min(math.ceil(last) - math.floor(first) + 1, LISTED + 3)
-    )  # two may lie outside
+    count = math.ceil(last) - math.floor(first) + 1
+    numbers = float(math.floor(first)) + np.arange(min(count, LISTED + 3))  # two may lie outside
     return _inside(np.sort((math.pi * (numbers + 0.5) - law.phase) / w), a, b)
 
 
@@ -230,5 +229,5 @@ def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> f
 
 
 def _inside(times: Any, a: float, b: float) -> list[float]:
-    inside: list[float] = times[(a < times) & (times < b)][: LISTED + 1].tolist()
+    inside: list[float] = times[(a < times) & (times < b)].tolist()
     return inside
