@@ -70,6 +70,7 @@ def write_disagreements(
 
 
 def _drawn(plan: NightPlan, case: NewCase) -> AnyDrawn:
+    """Return the scene of a disagreement, with the times that a night may have spared it (`shortened`), too."""
     return draw(plan.seed, case.shard or 0)
 
 

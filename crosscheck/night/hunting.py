@@ -30,7 +30,7 @@ from crosscheck.errors import UsageError
 from crosscheck.judge.records import ENDED, Disagreement, Record, Unreadable, read_records
 from crosscheck.measure.check import ANY, ROWS, key_of
 from crosscheck.measure.jobs import by_itself, checkers
-from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, draw, profile
+from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, draw, profile, shortened
 from crosscheck.strategies import Hardness, drawn_scenes
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
@@ -205,7 +205,7 @@ class _Hunter:
             self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
 
     def look_at_start(self, night: int, number: int) -> None:
-        """Check the scene of a night at the times that it had there, however late it is."""
+        """Check the scene of a night at the times that it had there, and those it was spared, however late it is."""
         origin = f"scene {number} of night {night}"
         self.try_turn(origin, lambda: self.look(draw(night, number), origin))
 
@@ -285,8 +285,9 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
 
 
 def drawn_again(starts: Mapping[Start, str]) -> list[Start]:
-    """Return those that have the same key when they are drawn now: another version draws other scenes by a number."""
-    return [(night, number) for (night, number), key in starts.items() if key_of(draw(night, number).scene) == key]
+    """Return those that are drawn as they were, at all times or the first part: another version draws other scenes."""
+    drawn = {start: draw(*start).scene for start in starts}
+    return [start for start, scene in drawn.items() if starts[start] in (key_of(scene), key_of(shortened(scene)))]
 
 
 def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:

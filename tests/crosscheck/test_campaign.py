@@ -23,6 +23,7 @@ from crosscheck.measure.check import key_of
 from crosscheck.night import campaign, disagreements
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
+from crosscheck.night.hunting import drawn_again
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.night.sections import job_of
 from crosscheck.scenes.drawing import (
@@ -240,6 +241,7 @@ def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_
     assert about == {**told[plain], "shard": plain, "shortened": True}
     assert jobs.scene_of(asked[near])[0] == draw(3, near).scene
     assert jobs.scene_of(job_of(3, replace(typed(record("a")), about=about)))[0] == scene
+    assert drawn_again({(3, plain): key_of(scene), (3, near): key_of(scene)}) == [(3, plain)]
 
 
 def test_a_run_with_a_scene_at_fewer_times_is_resumed_and_one_that_only_says_so_is_not(tmp_path):
