@@ -223,6 +223,14 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     assert [item for item in record.disagreements if item.method == SHIPPED.name] == []
 
 
+def test_a_pose_at_a_fold_is_corrected_until_little_of_its_residual_is_left() -> None:
+    """Corrected once, it was off by 1.02 times the allowed error."""
+    record = check(refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-corrected-at-a-fold.toml"), ["exudyn"])
+    (static,) = (answer for answer in record.answers if answer.method.name == "static")
+
+    assert max(q.ratio for q in static.quantities.values()) < 0.2
+
+
 def test_poses_that_are_extrapolated_begin_anew_after_one_that_was_not_reached():
     """At the estimates, at the first that is reached, and where the line through the first two leads."""
     times = (0.0, 0.1, 0.2, 0.4, 0.5)

@@ -26,6 +26,8 @@ STALLED = 1e-9
 """A residual below this after a failed Newton has stalled at round-off, not gone astray."""
 SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
+CORRECTIONS, ROUNDED = 4, 4.0 * EPS
+"""How often another one is, and up to which residual only once."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
 BACK, STEEPEST = 5, 1e4
@@ -62,7 +64,7 @@ class StaticNewton:
             left = _largest(self.rows)
             if done:
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
-                return q if left <= SETTLED else self._corrected_once_more(q, tolerance * extent)
+                return q if left <= SETTLED else self._corrected(q, left, tolerance * extent)
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
@@ -75,12 +77,19 @@ class StaticNewton:
         q: Array = self.model.data.GetODE2Coordinates(CURRENT)
         return q
 
-    def _corrected_once_more(self, q: Array, tolerance: float) -> Array:
-        """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
+    def _corrected(self, q: Array, left: float, tolerance: float) -> Array:
+        """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction.
+
+        One is not enough at a fold, where each leaves a quarter of the residual, and half of the error.
+        """
         with suppress(EngineError):
-            if self.model.newton(tolerance):
-                self.rows = self.model.left()
-                return self.model.data.GetODE2Coordinates(CURRENT)
+            for _ in range(CORRECTIONS):
+                if not self.model.newton(tolerance):
+                    break
+                q, self.rows, before = self.model.data.GetODE2Coordinates(CURRENT), self.model.left(), left
+                left = _largest(self.rows)
+                if left <= ROUNDED or left > 0.5 * before:
+                    return q
         self.model.data.SetODE2Coordinates(q, CURRENT)
         return q
 
