@@ -82,11 +82,6 @@ def sample(place: Mapping[str, Any]) -> str:
     return str(place["component"]) if place["time"] is None else f"{place['component']} at t = {place['time']:.6g}"
 
 
-def words(value: Any) -> str:
-    """Return a value that is shown as it is."""
-    return NO_ANSWER if value is None else str(value)
-
-
 def known(value: Any) -> Any:
     """Return what is known about the run itself."""
     return Markup('<span class="none">not known</span>') if value is None else value
@@ -118,6 +113,6 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    shown = (digits, count, number, ratio, sample, seeding, whose, words, known)
+    shown = (digits, count, number, ratio, sample, seeding, whose, known)
     environment.filters.update({show.__name__: show for show in shown})
     return environment
