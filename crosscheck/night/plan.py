@@ -8,11 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import TypeAdapter
-
 from crosscheck.errors import UsageError, naming
 from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import NewCase, Record, Strict, Unreadable, line_of, read_file, read_records
+from crosscheck.judge.records import NewCase, Record, Strict, Unreadable, adapter, line_of, read_file, read_records
 from crosscheck.scenes.names import PEERS
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 
@@ -188,9 +186,8 @@ class Golden(Strict):
 def write_outcome(folder: Path, outcome: NightOutcome) -> None:
     """Write how a night ended into its folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(
-        folder / OUTCOME, TypeAdapter(NightOutcome).dump_json(outcome, indent=1, by_alias=True).decode() + "\n"
-    )
+    written = adapter(NightOutcome).dump_json(outcome, indent=1, by_alias=True)
+    replace_file(folder / OUTCOME, written.decode() + "\n")
 
 
 def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
