@@ -11,7 +11,7 @@ from typing import Any
 
 from jinja2 import StrictUndefined, Template
 
-from crosscheck.engines.frames import direction
+from crosscheck.engines.frames import direction, through_its_point
 from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
 from crosscheck.problems import formula
@@ -49,8 +49,7 @@ def _coincide(e: joints.PointsCoincide) -> str:
 
 def _guided(e: joints.GuidedPoint) -> str:
     x, y = direction(e.axis_i)
-    line = (e.body_i, e.point_i[0] - y * e.offset, e.point_i[1] + x * e.offset)
-    markers = f"frame{(e.body_j, *e.point_j)!r}, frame{line!r}"
+    markers = f"frame{(e.body_j, *e.point_j)!r}, frame{(e.body_i, *through_its_point(e).point_i)!r}"
     normal = f"axisMarker0=[1, 0, 0], normalMarker1={[-y, x, 0.0]}, constrainRotation=False"
     return f"mbs.AddObject(PrismaticJoint2D(markerNumbers=[{markers}], {normal}))"
 

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from crosscheck.engines.frames import through_its_point
 from crosscheck.engines.spatial.turning import joint_frame, parameters
 from crosscheck.errors import CannotRun
 from crosscheck.problems import formula
@@ -174,9 +175,7 @@ def _coincide(m: _Model, name: str, e: joints.PointsCoincide) -> None:
 
 
 def _guided(m: _Model, name: str, e: joints.GuidedPoint) -> None:
-    length = math.hypot(*e.axis_i)
-    at = (e.point_i[0] - e.axis_i[1] / length * e.offset, e.point_i[1] + e.axis_i[0] / length * e.offset)
-    m.tied(name, e, m.carriage(e, "x", at))
+    m.tied(name, e, m.carriage(e, "x", through_its_point(e).point_i))
 
 
 def _distance(m: _Model, name: str, e: joints.PointDistance) -> None:
