@@ -13,7 +13,7 @@ import numpy as np
 from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
 from crosscheck.errors import naming
 from refkin.model import Scene
-from refkin.motion import BodyMotion, Motion, Status
+from refkin.motion import QUANTITIES, BodyMotion, Motion, Status
 from refkin.output import SceneMotion
 from refkin.scenes.files import load
 from refkin.solving import solve as solving
@@ -77,11 +77,7 @@ def to_json(scene: Scene, motion: Motion) -> dict[str, Any]:
         "residual": numbers(motion.residual),
         "sigma_min": numbers(motion.sigma_min),
         "condition": numbers(motion.condition),
-        "certified_radius": {
-            "position": numbers(radius.position),
-            "velocity": numbers(radius.velocity),
-            "acceleration": numbers(radius.acceleration),
-        },
+        "certified_radius": {quantity: numbers(getattr(radius, quantity)) for quantity in QUANTITIES},
     }
 
 
