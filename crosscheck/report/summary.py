@@ -131,16 +131,15 @@ class Summary:
                 cell.failures += is_new
                 cell.known_gaps += not is_new
 
-    def described(self, required: Sequence[str] | None = None) -> dict[str, Any]:
-        """Return the whole report; `required` engines are those that the run names if None."""
+    def described(self) -> dict[str, Any]:
+        """Return the whole report."""
         run = self.run
         versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
         engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
         answering = {engine for engine, _ in self.methods}
         met = {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
-        if required is None:
-            required = self.outcome.required if self.outcome else list(run.get("required", ()))
+        required = list(self.outcome.required if self.outcome else run.get("required", ()))
         asked: dict[str, Any] = {"required": required, "missing": missing, "answering": answering}
         new = self.disagreements.new
         how, why = verdict(**asked, new=new, failures=len(self.failures), scenes=len(self.keys))
@@ -152,7 +151,7 @@ class Summary:
             "seed": run.get("seed"),
             "versions": {"refkin": run.get("refkin", "not known"), **met, **versions},
             "missing": missing,
-            "required": list(required),
+            "required": required,
             "scenes": len(self.keys),
             "scenes_without_result": self.without_result,
             "configurations": self.reference.configurations,
