@@ -134,9 +134,7 @@ def print_list(result: Mapping[str, Any]) -> None:
         for key, who in (("cheapest", ""), ("cheapest_engine", ", among the engines alone")):
             title = f"{result['scene']}, {name}: the cheapest way to so many digits{who}"
             out.print(cheapest_table(result[key][poses], title))
-    out.print(
-        methods_table(result["rows"], "Every method at its best, the setting of most digits: these, and what they cost")
-    )
+    out.print(methods_table(result["rows"]))
     for line in lines(result):
         out.print(line)
 
@@ -214,7 +212,7 @@ def _offer(offer: Mapping[str, Any]) -> str:
     return f"{offer['microseconds']:.1f} us ({offer['digits']:.1f} digits) {offer['engine']}: {how}"
 
 
-def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
+def methods_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return each method at its best setting: of each quantity digits, and us of one pose, a cycle, in bulk.
 
     All of a line is of one setting: else position could cost more than position with rates. It is the one with the most
@@ -235,6 +233,7 @@ def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
         shown.append(
             [engine, called(method, setting), newton_by, "-" if build is None else f"{build / 1e3:.2g}", *texts]
         )
+    title = "Every method at its best, the setting of most digits: these, and what they cost"
     return table("engine", "method", "Newton by", ">build\nms", *numbers, rows=shown, title=title)
 
 

@@ -147,7 +147,7 @@ def test_the_terminal_tells_crashes_and_what_was_left_out():
 
 
 def test_a_method_is_shown_with_its_most_digits():
-    table = methods_table(price_list()["rows"], "title")
+    table = methods_table(price_list()["rows"])
 
     assert list(table.columns[4].cells) == ["9.0", "4.0"]
 

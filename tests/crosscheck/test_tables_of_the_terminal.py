@@ -49,7 +49,7 @@ def test_of_each_method_the_setting_of_most_digits_is_shown_with_its_three_price
         priced("none", None, 5.0),
     ]
 
-    assert cells(price.methods_table(rows, "all")) == [
+    assert cells(price.methods_table(rows)) == [
         ["mujoco", "newton, 1e-9", "it", "2.5", "12.0", "151/12.3/-"],
         ["mujoco", "none", "it", "2.5", "-", "-"],
     ]
@@ -65,8 +65,8 @@ def test_all_that_is_shown_of_a_method_is_of_one_setting_that_of_the_most_digits
     ]
     shown = ["9.1", "62.0/12.3/-", "5.1", "63.0/12.3/-", "4.5", "64.0/12.3/-"]
 
-    assert cells(price.methods_table(rows, "all")) == [["mujoco", "steps, 10 steps", "it", "0.062", *shown]]
-    assert cells(price.methods_table(rows[::-1], "all"))[0][1] == "steps, 10 steps"
+    assert cells(price.methods_table(rows)) == [["mujoco", "steps, 10 steps", "it", "0.062", *shown]]
+    assert cells(price.methods_table(rows[::-1]))[0][1] == "steps, 10 steps"
 
 
 def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
