@@ -11,13 +11,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from crosscheck.engines import PHYSICAL, QUANTITIES, EngineError, EngineRefusal, Term, load
+from crosscheck.engines import PHYSICAL, QUANTITIES, EngineError, EngineRefusal, Term
 from crosscheck.engines.methods import ORDERS, Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.prices import EffectRow
+from crosscheck.workers.pool import name_and_version
 from crosscheck.workers.processes import Failure, FailureKind, call_each, call_in_turn
 from crosscheck.workers.timing import Timing, timed_in_turns
 from refkin.model import Evidence, Point, Scene
@@ -274,11 +275,6 @@ def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Any:
     return call_in_turn(measured, [(data, spec, share, effect) for effect in effects], share + START)
 
 
-def name_of(spec: str) -> str:
-    """Return what an engine calls itself, where no answer of it says so; asked in a process of its own."""
-    return load(spec).name
-
-
 def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
     """Return the rows of an engine whose process failed, asked for one after the other, until too many hang.
 
@@ -294,8 +290,8 @@ def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
             if hung == MOST_HANGS:
                 break
     answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
-    (own,) = [answered[0].engine] if answered else call_each(name_of, [spec])
-    name = spec if isinstance(own, Failure) else own
+    (own,) = [(answered[0].engine, "")] if answered else call_each(name_and_version, [spec])
+    name = spec if isinstance(own, Failure) else own[0]
     inert = False if any(row.inert is not None for row in answered) else None
     ledger: list[EffectRow] = []
     for effect, answer in answers.items():
