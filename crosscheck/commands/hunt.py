@@ -18,6 +18,7 @@ from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.known_gaps import told
+from crosscheck.measure.effects import REFKIN
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
@@ -135,9 +136,6 @@ def _print_bag(bag: Bag, out: Path) -> None:
     shown.print(f"scenes: {out}")
 
 
-OURS = "refkin"
-
-
 def hard(
     *,
     engines: str = ENGINES,
@@ -167,7 +165,7 @@ def hard(
     cases = _cases(case)
     positive("within", within)
     positive("case-seconds", case_seconds)
-    asked = (OURS, *names(engines, always=()))
+    asked = (REFKIN, *names(engines, always=()))
     try:
         with shown_progress(len(cases), noun="cases") as show:
             rows = hard_case_rows(asked, within, cases=cases, seconds=case_seconds, tell=show)
