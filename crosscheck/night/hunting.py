@@ -305,11 +305,7 @@ def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], num
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
     made = settings(profile((Phase.generate, Phase.target)), max_examples=A_TURN)
-
-    def scene_property(drawn: AnyDrawn) -> None:
-        check(drawn)
-
-    seed(number)(made(given(hard)(scene_property)))()
+    seed(number)(made(given(hard)(check)))()
 
 
 def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, float]]:
