@@ -183,8 +183,7 @@ def shrink(
 def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: int, samples: int) -> None:
     """Check scenes that Hypothesis derives from the one drawn under this number, at fewer times.
 
-    The choices that drew the scene are kept as those of a
-    failure, which is where Hypothesis begins.
+    The choices that drew the scene are kept as those of a failure, which is where Hypothesis begins.
 
     Parameters
     ----------
