@@ -221,18 +221,6 @@ def test_determinant_of_the_inverted_loop_is_line_sine_of_the_transmission_angle
     assert abs(expected**2 - slide**2) <= ROUND_OFF * linkage.reach**2
 
 
-@given(slider_cranks())
-def test_crank_and_rod_are_in_line_at_dead_centres(linkage):
-    centres_found = linkage.dead_centres()
-
-    assert len(centres_found) in (2, 4)
-    for phi, slide in centres_found:
-        crank = arm(linkage.crank, phi - linkage.angle)
-        rod = complex(slide, linkage.offset) - crank
-        assert abs(abs(rod) - linkage.rod) <= ROUND_OFF * linkage.reach
-        assert abs((crank.conjugate() * rod).imag) <= ROUND_OFF * linkage.reach**2
-
-
 @pytest.mark.parametrize("value", [5e-324, -1e-310])
 def test_inputs_that_are_almost_nothing_assemble(value):
     """`cmath.phase` takes the underflow of an angle for an error; `atan2` does not."""

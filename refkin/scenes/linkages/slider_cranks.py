@@ -74,16 +74,6 @@ class SliderCrank(Linkage):
         rise = self.offset - self.crank * math.sin(phi - self.angle)
         return math.atan2(leg(self.rod, rise), rise)
 
-    def dead_centres(self) -> tuple[tuple[float, float], ...]:
-        """Return (crank angle [rad], slider position [m]) where crank and rod lie in one line: the ends of strokes."""
-        centres = []
-        for end in sorted(end for stroke in self.input_range("slider") for end in stroke):
-            wrist = complex(end, self.offset)
-            stretched = abs(wrist) > max(self.crank, self.rod)
-            away = not stretched and self.crank < self.rod  # folded, and the crank points away from the wrist pin
-            centres.append((direction_of(-wrist if away else wrist) + self.angle, end))
-        return tuple(centres)
-
     def solve_loop(self, value: float, sign: int, driven: str, relative_to: str) -> tuple[float, float]:
         """Return the angles of crank and rod against the guide; sign as that of a `Branch`."""
         if driven == "slider":
