@@ -1,1 +1,1 @@
-"""A night: drawing scenes, journal of records, golden set, disagreements, history."""
+"""A night: its plan and journal, golden set, disagreements, history, what is measured after its scenes; the hunt."""

@@ -7,8 +7,8 @@ disturbs their timings.
 And the mechanism behind a mark: the reference's motion as moving parts, the engine's answer with its error magnified.
 Records hold digits, not poses: the scenes that are worst in a decade are solved once more when the night is over, each
 in a process of its own. Everything is in pixels of one small picture, ready to be put into `transform` attributes: a
-part is a path in its own frame, a frame of the motion is one (x, y, degrees) per part. So page and script draw the same
-with no geometry of their own.
+part is a path in its own frame, a frame of the motion is one (x, y, degrees) per part; in space the numbers of
+`moving_parts.SpaceDrawing`. So page and script draw the same with no geometry of their own.
 """
 
 from __future__ import annotations

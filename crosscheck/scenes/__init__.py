@@ -1,1 +1,1 @@
-"""Scenes that are fixed: hard cases, priced classes, workloads of the benchmark."""
+"""Scenes: drawn by the number of a night, and fixed ones: hard cases, features, questions of conformance, workloads."""

@@ -102,7 +102,7 @@ class Drawing:
     ----------
     t : (T,) array
         The times that are shown [s]: those with a pose.
-    parts : list of Part or Link
+    parts : list of Part or DrawnLink
         The ground first.
     box : (2, 2) array
         Least and largest of all that is seen at any time, across and up [m].
