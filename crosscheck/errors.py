@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,8 @@ MOST_CHARACTERS = 2000
 """Of what an engine says, so many are kept."""
 MOST_QUOTED = 100
 """Of what is asked for, so many are repeated in a message."""
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""What moves a terminal's cursor, sets its title or turns the direction of text: everything but lines and tabs."""
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
 INTERRUPTED = 130
 
@@ -39,6 +42,11 @@ def kept(text: str) -> str:
     """Return what an engine says as records hold it: of bounded length, and what UTF-8 cannot say written out."""
     text = text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."
     return text.encode("utf-8", "backslashreplace").decode()
+
+
+def printable(text: str) -> str:
+    """Return text with its control characters as they are written in a string."""
+    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def quoted(text: str) -> str:

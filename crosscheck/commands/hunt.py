@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json, Whole, console, positive, printable, shown_progress, table, writable_folder
+from crosscheck.commands.usage import Json, Whole, console, positive, shown_progress, table, writable_folder
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
@@ -23,13 +23,11 @@ from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplai
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
 from crosscheck.night.hunting import CERTIFICATE, Bag, Start, drawn_again, hunt, hunted, worst_of_night
-from crosscheck.night.plan import ALWAYS, engines_option, replace_file
+from crosscheck.night.plan import ALWAYS, write_scene
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
 from crosscheck.scenes.names import called
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
-from refkin.model import Scene
-from refkin.scenes.files import to_toml
 
 LATEST = Path("reports/latest")
 LEAST_ERRORS = "least errors (radii) from the certified pose"
@@ -107,16 +105,10 @@ def _write_bag(bag: Bag, out: Path, engines: Sequence[str]) -> None:
     for name, catch in bag.catches.items():
         unit = LEAST_ERRORS if name[2] == CERTIFICATE else "times the allowed error"
         about = f"{' '.join(name)}: {catch.ratio:.3g} {unit}, the worst of {bag.scenes} scenes"
-        _write_scene(out / f"{slug(*name)}.toml", about, catch.scene, engines)
+        write_scene(out / f"{slug(*name)}.toml", [about], catch.scene, engines, expected=catch.expected)
     for signature, blame in bag.blames.items():
         about = told(blame.record, blame.disagreement)
-        _write_scene(out / f"{slug(*signature)}.toml", about, blame.scene, engines)
-
-
-def _write_scene(file: Path, about: str, scene: Scene, engines: Sequence[str]) -> None:
-    comment = "".join(f"# {line}\n" for line in printable(about).splitlines())
-    again = f"# Show it again: crosscheck replay {file.name}{engines_option(engines)}\n\n"
-    replace_file(file, comment + again + to_toml(scene))
+        write_scene(out / f"{slug(*signature)}.toml", [about], blame.scene, engines, expected=blame.expected)
 
 
 def _print_bag(bag: Bag, out: Path) -> None:

@@ -24,12 +24,18 @@ from crosscheck.measure.jobs import by_itself, checkers
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
+from refkin.motion import Status
 from refkin.scenes.files import load
 from refkin.solving.limits import said_if_long
 
 
 def replay(
-    scene: Path, *, engines: str = ENGINES, features: bool = False, scene_seconds: float = SECONDS_PER_SCENE
+    scene: Path,
+    *,
+    engines: str = ENGINES,
+    features: bool = False,
+    expected: Status = Status.OK,
+    scene_seconds: float = SECONDS_PER_SCENE,
 ) -> int:
     """Solve one scene on all engines, and compare.
 
@@ -43,10 +49,12 @@ def replay(
         Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
     features
         Solve also by the features of the engines that a night tests apart.
+    expected
+        The verdict that the scene was made for: another one is the reference's fault, and no engine's.
     scene_seconds
         An engine that takes longer [s] is stopped, and counts as hanging.
     """
-    job = by_itself(load(scene), features=features)
+    job = by_itself(load(scene), features=features, expected=expected)
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
     specs = {name: spec for name, (spec, _) in installed.items()}

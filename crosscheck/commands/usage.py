@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from cyclopts import Parameter
 
-from crosscheck.errors import UsageError
+from crosscheck.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,16 +58,9 @@ def writable_folder(key: str, folder: Path) -> None:
     raise UsageError(f"--{key}: expected a folder that can be written to, got {folder}")
 
 
-CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""What moves a terminal's cursor, sets its title or turns the direction of text: everything but lines and tabs."""
 COLOUR = re.compile("(\x1b\\[[0-9;]*m)")
 BAR = re.compile("(\x1b\\[[0-9;]*m|\x1b\\[\\?25[hl]|\x1b\\[[0-9]*[AK]|\r)")
 """What a bar of progress writes beside colours."""
-
-
-def printable(text: str) -> str:
-    """Return text with its control characters as they are written in a string."""
-    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def console(width: int | None, stderr: bool = False) -> Console:

@@ -315,7 +315,9 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
     faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *unclosed(ref, motion, terms)]
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
-    turned_round = _turned_round(method, subject, terms) if best and subject.drawn(TURNED_ROUND) else None
+    turned_round = (
+        _turned_round(method, subject, terms) if best and (subject.arbiter or subject.drawn(TURNED_ROUND)) else None
+    )
     part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))
 
 

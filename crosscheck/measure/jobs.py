@@ -17,6 +17,7 @@ from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
 from crosscheck.workers.processes import Failure, FailureKind, preload
 from refkin.model import Scene
+from refkin.motion import Status
 from refkin.scenes.files import parse, to_dict
 
 
@@ -48,7 +49,7 @@ def _adds_nothing(about: Mapping[str, Any], seen: Mapping[str, int]) -> bool:
     return about.get("hardness") == Hardness.REGULAR and not about["of_features"] and least >= WELL_KNOWN
 
 
-def by_itself(scene: Scene, *, features: bool = False) -> dict[str, Any]:
+def by_itself(scene: Scene, *, features: bool = False, expected: Status = Status.OK) -> dict[str, Any]:
     """Return the job of a scene of which nothing else is known, with the arbiter: whoever asks so hears the same.
 
     Parameters
@@ -56,8 +57,14 @@ def by_itself(scene: Scene, *, features: bool = False) -> dict[str, Any]:
     scene : Scene
     features : bool
         Whether engines are also asked by the features that a night tests apart.
+    expected : Status
+        The verdict that the scene was made for: another one is the reference's fault.
     """
-    return {"scene": to_dict(scene), "about": {"of_features": features}, "arbiter": True}
+    return {
+        "scene": to_dict(scene),
+        "about": {"of_features": features, "expected": expected.value},
+        "arbiter": True,
+    }
 
 
 def check_job(job: Mapping[str, Any]) -> Record | Failure:

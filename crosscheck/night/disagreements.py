@@ -8,15 +8,16 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from crosscheck.judge.known_gaps import KnownGap, Tally, table
-from crosscheck.judge.records import Disagreement, NewCase, plain
-from crosscheck.night.plan import NightPlan, engines_option, replace_file
-from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
+from crosscheck.judge.records import Cause, Disagreement, NewCase, plain
+from crosscheck.night.plan import NightPlan, write_scene
+from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, expected_of, shrink
 from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
-from refkin.scenes.files import to_dict, to_toml
+from refkin.scenes.files import to_dict
 
 MOST_SHRUNK = 8
 """Kinds of disagreements of which one is simplified."""
@@ -127,7 +128,8 @@ def _again(
     A simpler scene in which the method is wrong in one more way shows another fault: wrong rates of a right pose do
     not become those of a wrong one.
     """
-    job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
+    turned = kind[3] == Cause.ORDER  # asked of one scene in some, but for those that are asked all
+    job = {"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": turned}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
     of_method = {d.signature: d for d in Tally(gaps).add(record) if d.signature[:2] == kind[:2]}
     return of_method.get(kind) if of_method.keys() <= set(beside) else None
@@ -140,11 +142,8 @@ def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:
 
 
 def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: NightPlan) -> None:
-    comments = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
-    path.parent.mkdir(parents=True, exist_ok=True)
-    features = " --features" if isinstance(drawn, Featured) else ""
-    again = f"crosscheck replay {path.name}{engines_option(plan.engines)}{features}"
-    replace_file(path, f"{comments}# Show it again: {again}\n\n{to_toml(drawn.scene)}")
+    of: Any = {"features": isinstance(drawn, Featured), "expected": expected_of(drawn)}
+    write_scene(path, notes, drawn.scene, plan.engines, **of)
 
 
 def slug(*words: str) -> str:

@@ -30,10 +30,20 @@ from crosscheck.errors import UsageError
 from crosscheck.judge.records import ENDED, Disagreement, Record, Unreadable, read_records
 from crosscheck.measure.check import ANY, ROWS, key_of
 from crosscheck.measure.jobs import by_itself, checkers
-from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, draw, profile, shortened
+from crosscheck.scenes.drawing import (
+    AnyDrawn,
+    OutOfTime,
+    climb,
+    draw,
+    expected_of,
+    own_choices_only,
+    profile,
+    shortened,
+)
 from crosscheck.strategies import Hardness, drawn_scenes
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
+from refkin.motion import Status
 
 STRATA = ((1.0, 3.0), (3.0, 6.0), (6.0, 9.0), (9.0, 12.0), (12.0, 15.0))
 """Decades of the distance to a limit position, or of the slack: 10^-k to 10^-k'."""
@@ -56,23 +66,25 @@ MOST_STARTS = 12
 
 @dataclass(frozen=True)
 class Catch:
-    """The worst that was met for a target: its ratio, in which scene, from where, after how many scenes."""
+    """The worst that was met for a target: its ratio, in which scene, from where, after how many, and made for what."""
 
     ratio: float
     scene: Scene
     origin: str
     number: int
+    expected: Status = Status.OK
 
 
 @dataclass(frozen=True)
 class Blame:
-    """What the judge calls a disagreement of a hunted method, with the record that says so, and where it was met."""
+    """What the judge calls a disagreement of a hunted method, with the record that says so; the rest as `Catch`."""
 
     disagreement: Disagreement
     record: Record
     scene: Scene
     origin: str
     number: int
+    expected: Status = Status.OK
 
     @property
     def ratio(self) -> float:
@@ -121,18 +133,24 @@ class Bag:
         met = dict(ratios(record, best))
         for name, ratio in met.items():
             if name not in self.catches or ratio > self.catches[name].ratio:
-                self.catches[name] = Catch(ratio, scene, origin, self.scenes)
+                self.catches[name] = Catch(ratio, scene, origin, self.scenes, _expected(record))
         return met
 
     def _blame(self, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:
         beside = set()
         for d in record.disagreements:
-            blame, known = Blame(d, record, scene, origin, self.scenes), self.blames.get(d.signature)
+            blame = Blame(d, record, scene, origin, self.scenes, _expected(record))
+            known = self.blames.get(d.signature)
             if not _is_hunted(d, best):
                 beside.add(f"{d.engine} ({d.method}), {d.quantity}: {d.name}")
             elif d.kind not in ENDED and (known is None or blame.ratio > known.ratio):
                 self.blames[d.signature] = blame
         self.beside.update(beside)
+
+
+def _expected(record: Record) -> Status:
+    """Return the verdict that the scene of a record was made for."""
+    return Status(str(record.about.get("expected", Status.OK)))
 
 
 def _is_hunted(disagreement: Disagreement, best: Mapping[str, str]) -> bool:
@@ -212,7 +230,7 @@ class _Hunter:
     def look(self, drawn: AnyDrawn, origin: str) -> dict[Target, float]:
         """Check a scene, keep what is worse than before, and return how bad it is."""
         try:
-            record = self.pool.check_one(by_itself(drawn.scene))
+            record = self.pool.check_one(by_itself(drawn.scene, expected=expected_of(drawn)))
         except Exception as error:  # told here: Hypothesis would try it again, and say that it is flaky
             self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
             return {}
@@ -305,7 +323,8 @@ def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], num
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
     made = settings(profile((Phase.generate, Phase.target)), max_examples=A_TURN)
-    seed(number)(made(given(hard)(check)))()
+    with own_choices_only():
+        seed(number)(made(given(hard)(check)))()
 
 
 def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, float]]:

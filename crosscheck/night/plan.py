@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from crosscheck.errors import UsageError, naming
+from crosscheck.errors import UsageError, naming, printable
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import NewCase, Record, Strict, Unreadable, adapter, line_of, read_file, read_records
 from crosscheck.scenes.names import PEERS
 from crosscheck.workers.pool import SECONDS_PER_SCENE
+from refkin.model import Scene
+from refkin.motion import Status
+from refkin.scenes.files import to_toml
 
 try:
     import fcntl
@@ -118,6 +121,8 @@ other scenes: vector loops cost as much as the engines; the fast path is no peer
 SAMPLED_EVERY = 40
 SHRINKING_SECONDS = 90.0
 """How long all the simplifying of a night may take."""
+AGAIN = "# Show it again: crosscheck replay "
+"""How the line of a scene file begins that says how to see again what it shows."""
 OUTCOME, GOLDEN, PICTURES, TRENDS = "outcome.json", "golden.json", "pictures.json", "trends.json"
 
 
@@ -193,6 +198,24 @@ def write_outcome(folder: Path, outcome: NightOutcome) -> None:
 def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
     """Return how the night of a folder ended, None if nobody wrote it; and what is wrong with the file."""
     return read_file(folder / OUTCOME, NightOutcome)
+
+
+def write_scene(
+    path: Path,
+    notes: Iterable[str],
+    scene: Scene,
+    engines: Sequence[str],
+    *,
+    features: bool = False,
+    expected: Status = Status.OK,
+) -> None:
+    """Write a scene that shows something, under notes and the command that shows it again."""
+    comments = "".join(f"# {line}\n" for text in notes for line in printable(text).splitlines())
+    options = [engines_option(engines), " --features" * features]
+    options.append("" if expected is Status.OK else f" --expected {expected.value.replace('_', '-')}")
+    again = f"{AGAIN}{path.name}{''.join(options)}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, f"{comments}{again}\n\n{to_toml(scene)}")
 
 
 def engines_option(engines: Sequence[str]) -> str:

@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from crosscheck.judge.prices import STEPS
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.night.plan import engines_option, replace_file
+from crosscheck.night.plan import replace_file
 from crosscheck.report import front, wording
 from crosscheck.report.figures import (
     agreement_matrices,
@@ -106,7 +106,6 @@ def render(report: Mapping[str, Any]) -> str:
         glance=glance(report),
         coverage=coverage(report),
         together=together(report["together"]),
-        replayed=engines_option([str(name) for name in report["run"].get("engines", ())]),
         certified=any(report["reference"]["largest_certified_radius"].values()),
         cheapest=cheapest_tables(report["price"] or []),
         goals=STEPS,

@@ -11,6 +11,7 @@ from typing import Any
 
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import Cause, Disagreement, NewCase, Record
+from crosscheck.night.plan import AGAIN
 from crosscheck.report.cells import RecordLine, WorstSample, sample, worse
 from crosscheck.scenes.names import QUANTITIES
 
@@ -100,7 +101,8 @@ class Disagreements:
         for row in rows:
             for example in row["examples"][:1]:
                 path = self._path(example.get("file") or "")
-                example["toml"] = path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
+                text = path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
+                example["toml"], example["again"] = text, _again(text or "", example.get("file") or "")
         return rows
 
     def _gap(self, record: Record, disagreement: Disagreement) -> KnownGap | None:
@@ -135,6 +137,12 @@ class Disagreements:
             return path if path.is_relative_to(self.folder.resolve()) and path.is_file() else None
         except (OSError, ValueError):  # a name too long, or with a null character
             return None
+
+
+def _again(text: str, file: str) -> str:
+    """Return what a scene file says of how to see again what it shows, as it is done in the folder of the night."""
+    line = next((line for line in text.splitlines() if line.startswith(AGAIN)), f"{AGAIN}{Path(file).name}")
+    return line.removeprefix("# Show it again: ").replace(Path(file).name, file, 1)
 
 
 def implied(record: Record) -> Iterator[Disagreement]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from pathlib import Path
 from types import SimpleNamespace as Plain
 
@@ -14,7 +15,11 @@ from crosscheck.judge.records import Cause, Disagreement
 from crosscheck.measure.hard_table import hard_case_rows, spread
 from crosscheck.night import hunting
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, hunt, ratios, turn_of
+from crosscheck.night.plan import write_scene
 from crosscheck.report.measured import measured
+from crosscheck.scenes.drawing import draw, expected_of
+
+from .fake_engines import engine_file
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
 SCENE = refkin.load(Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml")
@@ -126,6 +131,22 @@ def test_replay_of_what_a_hunt_has_written_blames_the_same(tmp_path, monkeypatch
     assert f"to blame: {blamed.partition(';')[0]}" in " ".join(said.split())
 
 
+def test_a_scene_that_was_made_to_end_is_replayed_as_such(tmp_path, monkeypatch, command):
+    """The reference was blamed for its end, and the engine that sees none was not; what that said made no TOML."""
+    monkeypatch.chdir(tmp_path)
+    believer = engine_file(tmp_path, after="motion = replace(motion, status=(Status.OK,) * len(motion.t))")
+    scenes = (draw(3, number, 4) for number in range(400))
+    drawn = next(one for one in scenes if expected_of(one) is refkin.Status.UNASSEMBLABLE)
+    said = "two\nlines, \r\x1b[31m"
+    write_scene(tmp_path / "end.toml", [said], drawn.scene, (believer,), expected=expected_of(drawn))
+    again = (tmp_path / "end.toml").read_text(encoding="utf-8").splitlines()[2]
+    code, said, _ = command(*shlex.split(again.partition(": crosscheck ")[2]))
+
+    assert code == 1
+    assert "fake (made up), position: ok where there is no assembly" in " ".join(said.split())
+    assert "refkin (newton)" not in said
+
+
 @pytest.mark.parametrize("stratum", STRATA)
 def test_every_stratum_has_scenes_in_its_decades(stratum):
     distances = []
@@ -149,7 +170,7 @@ class Enough(Exception):
 def test_of_each_kind_of_disagreement_the_worst_is_kept():
     bag, who = Bag(), {"engine": "e", "method": "m", "quantity": "position", "kind": Cause.BEYOND}
     for ratio in (2.0, 9.0, 3.0):
-        record = Plain(failure=None, answers=(), disagreements=[Disagreement(**who, ratio=ratio)])
+        record = Plain(failure=None, about={}, answers=(), disagreements=[Disagreement(**who, ratio=ratio)])
         bag.add({"e": "m"}, record, SCENE, "")
 
     assert [(blame.ratio, blame.number) for blame in bag.blames.values()] == [(9.0, 2)]
@@ -171,8 +192,8 @@ def test_hypothesis_is_told_how_bad_a_scene_is_and_what_is_worse_than_before_is_
     told, bag, now = [], Bag(), {("a", "m", "position"): 0.02, ("a", "m", "velocity"): 0.0}
     monkeypatch.setattr(hunting, "target", lambda value, label: told.append((label, value)))
     monkeypatch.setattr(hunting, "ratios", lambda record, best: now.items())
-    pool = Plain(check_one=lambda job: Plain(failure=None, disagreements=()))
-    monkeypatch.setattr(hunting, "by_itself", lambda scene: {})
+    pool = Plain(check_one=lambda job: Plain(failure=None, disagreements=(), about={}))
+    monkeypatch.setattr(hunting, "by_itself", lambda scene, expected: {})
     hunter = hunting._Hunter(pool, {}, bag, math.inf, lambda bag: None)
     for scene in ("first", "second", "third"):
         hunter.near("")(Plain(scene=scene))
