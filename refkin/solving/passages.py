@@ -201,8 +201,11 @@ class Winding:
 
     @classmethod
     def of(cls, system: System, q: Any, t: float) -> Winding | None:
-        """Return the winding of a system; None if its loops depend on more, or there are none."""
-        if system.m != system.n:
+        """Return the winding of a system; None if its loops depend on more, or there are none.
+
+        An open profile of a cam is another one in every turn.
+        """
+        if system.m != system.n or not all(cam.profile.closed for cam in polar_cams(system.mechanism.constraints)):
             return None
         here = system.phi_q(q, t)
         shifts = [np.sqrt(np.arange(2, system.n + 2) + k) for k in (0.0, 0.5)]

@@ -438,6 +438,41 @@ def test_too_many_choices_of_redundant_rows_far_from_each_other_have_no_radius_a
     assert "more than 3 ways: no error bound covers all of them" in motion.message
 
 
+@pytest.mark.parametrize("solver", [refkin.solve, fast.sweep], ids=["solve", "fast"])
+def test_an_open_profile_is_not_taken_to_be_the_same_in_every_turn(solver):
+    """It rises in the 33rd turn alone, by more than the link reaches: that turn was passed over, and all called ok."""
+    angles = np.arange(-10.0, 400.0, 2.0)
+    heights = np.where((angles >= 200.0) & (angles <= 220.0), 1.3, 1.0)
+    profile = refkin.Polar(law=refkin.Table(argument=tuple(angles.tolist()), value=tuple(heights.tolist())))
+    rod = {"body_j": "rod", "point_j": (0.0, 0.0)}
+    joints = (
+        refkin.Revolute(name="O", body_i="ground", point_i=(0.0, 0.0), body_j="cam", point_j=(0.0, 0.0)),
+        refkin.Prismatic(name="guide", body_i="ground", point_i=(0.0, 0.0), axis_i=(0.0, 1.0), **rod),
+        refkin.Cam(
+            name="contact",
+            body_i="cam",
+            point_i=(0.0, 0.0),
+            profile=profile,
+            follower="point",
+            contact_estimate=math.pi / 2,
+            **rod,
+        ),
+        refkin.Revolute(name="R", body_i="ground", point_i=(1.0, 0.0), body_j="rocker", point_j=(0.0, 0.0)),
+        refkin.Distance(name="link", body_i="rocker", point_i=(1.0, 0.0), length=0.45907719124109403, **rod),
+    )
+    bodies = (
+        refkin.Body(name="cam", estimate=(0.0, 0.0, 0.0)),
+        refkin.Body(name="rod", estimate=(0.0, 1.0, 0.0)),
+        refkin.Body(name="rocker", estimate=(1.0, 0.0, 2.1895573800486186)),
+    )
+    motor = refkin.AngleDriver(name="motor", body="cam", law=refkin.Polynomial(coefficients=(0.0, -1.0)))
+    mechanism = refkin.Mechanism(bodies=bodies, joints=joints, drivers=(motor,))
+
+    motion = solver(refkin.Scene(mechanism=mechanism, times=(0.0, 60.0 * math.tau)))
+    assert motion.status[0] is OK
+    assert motion.status[1] is not OK
+
+
 def test_a_long_step_over_a_cam_is_proved_by_way_of_the_poses_that_led_there(monkeypatch):
     """From its two ends 226 poses in between are looked for, each by a sweep of its own."""
     looked_for, place = [], import_module("refkin.fast.sweep")
