@@ -209,7 +209,16 @@ def write_scene(
     features: bool = False,
     expected: Status = Status.OK,
 ) -> None:
-    """Write a scene that shows something, under notes and the command that shows it again."""
+    """Write a scene that shows something, under notes and the command that shows it again.
+
+    Parameters
+    ----------
+    path, notes : Path, iterable of str
+        The file, and what stands above, in lines of its own.
+    scene, engines : Scene, sequence of str
+    features, expected : bool, Status
+        As for `crosscheck replay`.
+    """
     comments = "".join(f"# {line}\n" for text in notes for line in printable(text).splitlines())
     options = [engines_option(engines), " --features" * features]
     options.append("" if expected is Status.OK else f" --expected {expected.value.replace('_', '-')}")
