@@ -84,7 +84,11 @@ class Blame:
     scene: Scene
     origin: str
     number: int
-    expected: Status = Status.OK
+
+    @property
+    def expected(self) -> Status:
+        """The verdict that its scene was made for."""
+        return _expected(self.record)
 
     @property
     def ratio(self) -> float:
@@ -139,8 +143,7 @@ class Bag:
     def _blame(self, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:
         beside = set()
         for d in record.disagreements:
-            blame = Blame(d, record, scene, origin, self.scenes, _expected(record))
-            known = self.blames.get(d.signature)
+            blame, known = Blame(d, record, scene, origin, self.scenes), self.blames.get(d.signature)
             if not _is_hunted(d, best):
                 beside.add(f"{d.engine} ({d.method}), {d.quantity}: {d.name}")
             elif d.kind not in ENDED and (known is None or blame.ratio > known.ratio):

@@ -140,8 +140,12 @@ class Disagreements:
 
 
 def _again(text: str, file: str) -> str:
-    """Return what a scene file says of how to see again what it shows, as it is done in the folder of the night."""
-    line = next((line for line in text.splitlines() if line.startswith(AGAIN)), f"{AGAIN}{Path(file).name}")
+    """Return what a scene file says of how to see again what it shows, as it is done in the folder of the night.
+
+    Its own line stands below all that an engine said.
+    """
+    lines = [line for line in text.splitlines() if line.startswith(AGAIN)]
+    line = lines[-1] if lines else f"{AGAIN}{Path(file).name}"
     return line.removeprefix("# Show it again: ").replace(Path(file).name, file, 1)
 
 

@@ -165,11 +165,11 @@ class _Task:
         if answer is None:
             return None
         q, steps = np.array(answer.levels[0]), answer.steps
-        off = np.max(np.abs(q - estimate))
+        off = float(np.max(np.abs(q - estimate)))
         if steps and not (steps[-1] <= ENOUGH and contracts(steps)):
             return None
         second = steps[1] if len(steps) > 1 else 0.0
-        return q if off <= SMALL or NEAR * off * second <= steps[0] ** 2 else None
+        return q if off <= SMALL or NEAR * off * second <= steps[0] * steps[0] else None
 
     def _first(self, core: Sequence[float]) -> StepAnswer | None:
         """Return what Newton makes of core coordinates at the first time; None where numbers fail."""

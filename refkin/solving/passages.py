@@ -22,7 +22,7 @@ import numpy as np
 
 from refkin.analysis import position, sigma_min
 from refkin.differences import EPS
-from refkin.joints import polar_cams
+from refkin.joints import Constraint, Contact, Polar, polar_cams
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, extrema_of, hides, sign_changes
@@ -80,9 +80,20 @@ def turning_points(system: System, a: float, b: float) -> tuple[list[float], lis
     turning = extrema_of(constraints, a, b)
     for t in (t for t in turning if not a + close < t < b - close):
         end = a if t <= a + close else b
-        laws = [(law(t), law(end), c.law_scale(system.unit)[1]) for c in constraints for law in c.laws]
-        near += [t] if any(abs(x - y) > max(16 * EPS * abs(y), LITTLE * size) for x, y, size in laws) else []
+        for law, size in ((law, c.law_scale(system.unit)[1]) for c in constraints for law in c.laws):
+            away = abs(law(t) - law(end)) + float(_beyond_digits(law, t, a, b))
+            near += [t] if away > max(16 * EPS * abs(law(end)), LITTLE * size) else []
     return [t for t in turning if a + close < t < b - close], near
+
+
+def _beyond_digits(law: Law, t: Any, a: float, b: float) -> Any:
+    """Return how much further a law may go next to its extrema (K,) than at them, between a and b.
+
+    They are between their last digit and the next, and bends as at the digits around: f'' u^2 / 2 at most, here twice.
+    """
+    digit = np.spacing(np.abs(t))
+    bends = [np.abs(law(np.clip(t + k * digit, a, b), 2)) for k in (-1, 0, 1)]
+    return np.max(np.broadcast_arrays(*bends), axis=0) * digit**2
 
 
 def unseen(
@@ -137,7 +148,7 @@ def _seen_nearer(system: System, t: Any, q: Any, between: Any) -> bool:
     return False
 
 
-def over_a_range(sweep: Any, target: float, turning: list[float]) -> Any:
+def over_a_range(sweep: Any, target: float) -> Any:
     """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
 
     Parameters
@@ -146,14 +157,15 @@ def over_a_range(sweep: Any, target: float, turning: list[float]) -> Any:
         At a regular pose.
     target : float
         The time [s].
-    turning : list of float
-        The extrema of the law before the time, in order.
     """
-    moving = moving_law(sweep.system, sweep.t[-1], target)
+    start = sweep.t[-1]
+    moving = moving_law(sweep.system, start, target)
     if moving is None:
         return None
     driver, law = moving
-    values = [float(law(t)) for t in (sweep.t[-1], *turning, target)]
+    turning = np.array(extrema(law, start, target))
+    turned, more = law(turning), _beyond_digits(law, turning, start, target)
+    values = [float(law(start)), *(turned + more).tolist(), *(turned - more).tolist(), float(law(target))]
     turned, at = sweep, values[0]
     for value in (max(values), min(values), values[-1]):
         if value == at:
@@ -201,11 +213,8 @@ class Winding:
 
     @classmethod
     def of(cls, system: System, q: Any, t: float) -> Winding | None:
-        """Return the winding of a system; None if its loops depend on more, or there are none.
-
-        An open profile of a cam is another one in every turn.
-        """
-        if system.m != system.n or not all(cam.profile.closed for cam in polar_cams(system.mechanism.constraints)):
+        """Return the winding of a system; None if its loops depend on more, or there are none."""
+        if system.m != system.n or not all(map(_repeats, system.mechanism.constraints)):
             return None
         here = system.phi_q(q, t)
         shifts = [np.sqrt(np.arange(2, system.n + 2) + k) for k in (0.0, 0.5)]
@@ -296,6 +305,15 @@ class Winding:
         off = np.max(np.abs(end.q - guess)) if end.converged else np.inf
         in_place = abs(end.q[self.angle] - q[self.angle] - math.tau * turns) <= 1e-6
         return end.q if off <= 1e-6 and in_place and is_round_off(self.system.phi(end.q, t), end.q) else None
+
+
+def _repeats(constraint: Constraint) -> bool:
+    """Return whether a constraint says after a turn of an angle what it did before, as all elements but one do.
+
+    An open profile of a cam is another one in every turn, and formulas that no element states may be.
+    """
+    known = list(constraint.elements())
+    return bool(known) and all(Polar(law=e.profile).closed for e in known if isinstance(e, Contact))
 
 
 def _felt(system: System, pattern: Any, owner: dict[int, Any], loops: set[int]) -> tuple[set[int], set[int]]:

@@ -96,7 +96,7 @@ class Sweep(Steps):
             self.why = f"t has no more digits: a law turns back at t = {hidden[0]:.17g}, next to a time asked for"
             return Arrival.OUT_OF_STEPS
         often = OFTEN < len(turning) <= LISTED
-        if often and not self.singular and (q := over_a_range(self, target, turning)) is not None:
+        if often and not self.singular and (q := over_a_range(self, target)) is not None:
             self._jump(q, target)
             return Arrival.REACHED
         if len(turning) > MOST_EXTREMA:

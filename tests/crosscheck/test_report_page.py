@@ -17,6 +17,7 @@ import pytest
 from crosscheck.judge.records import At
 from crosscheck.report import wording
 from crosscheck.report.build import build
+from crosscheck.report.disagreements import _again
 from crosscheck.report.svg import COLOURS, style
 
 from .report_records import (
@@ -418,3 +419,11 @@ def test_where_a_number_was_met_is_told_in_words(place: Any, expected: str) -> N
 )
 def test_ratio_is_never_rounded_across_one(value: float | None, expected: str) -> None:
     assert wording.ratio(value) == expected
+
+
+def test_the_command_of_a_disagreement_is_the_one_of_its_file_and_none_that_an_engine_said():
+    said = "# message: x\n# Show it again: crosscheck replay a.toml --engines evil.py:E\n"
+    own = "# Show it again: crosscheck replay a.toml --expected singular\n\nschema = 1\n"
+
+    assert _again(said + own, "disagreements/a.toml") == "crosscheck replay disagreements/a.toml --expected singular"
+    assert _again("", "disagreements/a.toml") == "crosscheck replay disagreements/a.toml"

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
+from refkin.joints import Constraint
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.path.blocks import dips
 from refkin.solving import ahead, passages
 from refkin.solving.sweep import Sweep
+from refkin.vec import cosine_and_sine
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
@@ -438,7 +441,12 @@ def test_too_many_choices_of_redundant_rows_far_from_each_other_have_no_radius_a
     assert "more than 3 ways: no error bound covers all of them" in motion.message
 
 
-@pytest.mark.parametrize("solver", [refkin.solve, fast.sweep], ids=["solve", "fast"])
+EVERY_WAY = pytest.mark.parametrize(
+    "solver", [refkin.solve, partial(refkin.solve, certified=True), fast.sweep], ids=["solve", "certified", "fast"]
+)
+
+
+@EVERY_WAY
 def test_an_open_profile_is_not_taken_to_be_the_same_in_every_turn(solver):
     """It rises in the 33rd turn alone, by more than the link reaches: that turn was passed over, and all called ok."""
     angles = np.arange(-10.0, 400.0, 2.0)
@@ -471,6 +479,112 @@ def test_an_open_profile_is_not_taken_to_be_the_same_in_every_turn(solver):
     motion = solver(refkin.Scene(mechanism=mechanism, times=(0.0, 60.0 * math.tau)))
     assert motion.status[0] is OK
     assert motion.status[1] is not OK
+
+
+def power(x, n):
+    return x if n == 1 else power(x * x, n // 2) if n % 2 == 0 else x * power(x, n - 1)
+
+
+def hump(x):
+    """Return sin(x)^40 and its derivatives."""
+    c, s = cosine_and_sine(x)
+    bend = power(s, 38) * (c * c) * (40 * 39) - power(s, 40) * 40
+    return power(s, 40), power(s, 39) * c * 40, bend
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hump(Constraint):
+    """phi_j = 1 + sin(phi_i / 120)^40, which no element states: body j is at rest but about one turn of body i."""
+
+    rows = 1
+    body_i: str
+    body_j: str
+    type: Literal["hump"] = "hump"
+
+    def constants(self, unit):
+        return (1.0 / 120.0,)
+
+    @staticmethod
+    def residual(g, f, i, j):
+        return (j.phi - hump(i.phi * g[0])[0] - 1.0,)
+
+    @staticmethod
+    def jacobian(g, f, i, j):
+        return ((0, 0, -hump(i.phi * g[0])[1] * g[0]),), ((0, 0, 1),)
+
+    @staticmethod
+    def gamma(g, f, i, j):
+        return (hump(i.phi * g[0])[2] * (g[0] * g[0]) * (i.omega * i.omega),)
+
+
+@EVERY_WAY
+def test_a_joint_of_ones_own_is_not_taken_to_say_the_same_in_every_turn(solver):
+    """Its crank goes to 2 rad, beyond its limit, in one of 60 turns: that was passed over, and all called ok."""
+    crank = refkin.FourBar(ground=2.0, crank=1.5, coupler=1.2, rocker=1.4)
+    m = crank.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,), branch="open").mechanism
+    wheel = Body(name="wheel", estimate=(0.0, 0.0, 0.0))
+    pin = Revolute(name="axle", body_i="ground", point_i=(0.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
+    joints = (*m.joints, pin, Hump(name="hump", body_i="wheel", body_j=m.bodies[0].name))
+    motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
+    mechanism = Mechanism(bodies=(*m.bodies, wheel), joints=joints, drivers=(motor,))
+
+    motion = solver(Scene(mechanism=mechanism, times=(0.0, 60.0 * math.tau)))
+    assert (motion.status[0], motion.status[1] is OK) == (OK, False)
+
+
+STRETCHED = math.acos((1.5**2 + 2.0**2 - (1.2 + 1.4) ** 2) / (2.0 * 1.5 * 2.0))
+"""The crank's angle at which coupler and rocker of the linkage above lie in one line."""
+
+
+def turned_by(law, times):
+    return refkin.FourBar(ground=2.0, crank=1.5, coupler=1.2, rocker=1.4).scene(law=law, times=times, branch="open")
+
+
+def between_digits(begin):
+    """Return a table that goes 1.8e-4 rad beyond the limit between two floats, never at one, 12 times; from a place."""
+    first, digit = 2.0**20, math.ulp(2.0**20)
+    low = STRETCHED - 0.3 + 0.5 * 0.3 * (math.pi / 64.0) ** 2 / 2.0
+    places = range(0, 65, 4)
+    values = [low + 0.3 * math.cos(math.tau * (k - 32.5) / 64.0) for k in places]
+    at = tuple(first + k * digit for k in places)
+    law = Table(argument=at, value=(*values[:-1], values[0]), periodic=True)
+    return turned_by(law, (first + begin * digit, first + (begin + 12 * 64) * digit))
+
+
+def above_a_last_digit():
+    """Return a parabola with its top half a digit after 1, 0.02 rad beyond the limit, and 0.005 short of it at both."""
+    at = (-8.0, -4.0, 4.0, 8.0, 12.0)
+    values = tuple(STRETCHED + 0.1 * (0.2 - (k - 0.5) ** 2) for k in at)
+    law = Table(argument=tuple(1.0 + k * math.ulp(1.0) for k in at), value=values)
+    return turned_by(law, (1.0, 1.0 + math.ulp(1.0)))
+
+
+def beside_a_last_digit():
+    """Return a pulse one float before the last time, 7.5e-13 rad beyond the limit."""
+    digit = 2.0**-53
+    at = tuple(1.0 + k * digit * (1 if k <= 0 else 2) for k in range(-40, 41))
+    values = tuple(STRETCHED - 2e-13 + (9.5e-13 if k == -2 else 0.0) for k in range(-40, 41))
+    return turned_by(Table(argument=at, value=values), (1.0 - 30 * digit, 1.0))
+
+
+@EVERY_WAY
+@pytest.mark.parametrize(
+    "of", [partial(between_digits, 0), partial(between_digits, 16), above_a_last_digit, beside_a_last_digit]
+)
+def test_what_a_law_does_between_two_floats_is_not_called_ok(of, solver):
+    motion = solver(of())
+
+    assert (motion.status[0], motion.status[1] is OK) == (OK, False)
+
+
+@pytest.mark.parametrize("solver", [refkin.solve, fast.sweep], ids=["solve", "fast"])
+def test_a_pose_that_is_half_of_all_numbers_away_ends_in_a_status(solver):
+    """The mean of two such poses was none."""
+    sliding = refkin.load(CORPUS.parents[1] / "examples" / "slider-crank.toml")
+    (motor,) = sliding.mechanism.drivers
+    far = replace(motor, law=Polynomial(coefficients=(1e308, 1.0)))
+
+    assert solver(replace(sliding, mechanism=replace(sliding.mechanism, drivers=(far,)))).verdict is not OK
 
 
 def test_a_long_step_over_a_cam_is_proved_by_way_of_the_poses_that_led_there(monkeypatch):

@@ -30,7 +30,6 @@ from refkin import (
     compile_system,
 )
 from refkin.newton import NewtonResult, NewtonStatus
-from refkin.proof.numbers.extrema import extrema
 from refkin.proof.path.blocks import diagonal_blocks
 from refkin.proof.path.branch import Piece, _halved, _linked, first_unproved, step_over_crossing
 from refkin.solving import passages
@@ -203,7 +202,7 @@ def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monke
     """By 1.3 and 0.7 from 1 to the last value; a coordinate of the pose there may be off by round-off."""
     law = Sinusoid(amplitude=0.3, angular_frequency=9.0, offset=1.0)
     sweep, lines, right, line = started(law), [], passages.position, passages._with_line
-    q = passages.over_a_range(sweep, 7.0, extrema(law, 0.0, 7.0))
+    q = passages.over_a_range(sweep, 7.0)
     last, off = sweep.system.phi_q(q, 7.0), passages.SAME * max(1.0, np.max(np.abs(q))) * (1.1 if doubted else 0.9)
 
     def beside(*args):
@@ -219,7 +218,7 @@ def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monke
         monkeypatch.setattr(passages, "sigma_min", lambda slope: clear[bool(np.allclose(slope, last, atol=1e-9))])
     else:
         monkeypatch.setattr(passages, "position", beside)
-    pose = passages.over_a_range(sweep, 7.0, extrema(law, 0.0, 7.0))
+    pose = passages.over_a_range(sweep, 7.0)
 
     assert (pose is None) == bool(doubted)
     ways = [(1.0, 1.3), (1.3, 0.7), (0.7, law(7.0))]

@@ -27,7 +27,7 @@ STALLED = 1e-9
 SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 CORRECTIONS, ROUNDED = 4, 4.0 * EPS
-"""How often another one is, and up to which residual only once."""
+"""How often a pose is corrected at most, and the residual up to which once is enough."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
 BACK, STEEPEST = 5, 1e4

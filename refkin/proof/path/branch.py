@@ -149,7 +149,7 @@ def _merged(pieces: list[Piece]) -> list[Piece]:
 def _crossing_in(system: System, steps: list[Piece]) -> int | None:
     """Return the number of the step in which branches cross, as far as float64 can tell; None if in none."""
     for p in (steps[0], steps[len(steps) // 2]):
-        t, q = (p.t_0 + p.t_1) / 2, (p.q_0 + p.q_1) / 2
+        t, q = 0.5 * p.t_0 + 0.5 * p.t_1, 0.5 * p.q_0 + 0.5 * p.q_1
         curve = Curve.through(system, q, [t])
         at_crossing = crossing(curve, curve.point(q, t))
         if at_crossing is None or not at_crossing.is_bifurcation:
