@@ -197,6 +197,17 @@ def test_a_law_that_turns_back_a_rounding_before_the_time_itself_does_not_stop_i
     assert sweep.to(math.nextafter(50.0 * math.pi, 200.0)) is Arrival.REACHED
 
 
+def test_a_law_bends_beyond_a_digit_as_at_the_digits_around_it_within_the_times():
+    digit = math.ulp(1.0)
+    bends = {1.0 - digit / 2.0: 7.0, 1.0: 0.0, 1.0 + digit: 3.0, 1.0 + 2.0 * digit: 5.0}
+
+    def law(t, order):
+        return np.array([bends.get(x, 11.0) for x in t.tolist()])
+
+    further = passages._beyond_digits(law, np.array([1.0, 1.0 + digit]), 1.0, 1.0 + 2.0 * digit)
+    assert further.tolist() == [3.0 * digit**2, 5.0 * digit**2]
+
+
 @pytest.mark.parametrize("doubted", ["", "its range", "its ends", "its last pose"])
 def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monkeypatch, doubted):
     """By 1.3 and 0.7 from 1 to the last value; a coordinate of the pose there may be off by round-off."""
