@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,18 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
-from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, cheapest, clear_once, repeated
+from crosscheck.judge.prices import (
+    CONTENDS,
+    POSES,
+    STEPS,
+    SUFFIX,
+    Cheapest,
+    PriceRow,
+    cheapest,
+    clear_once,
+    repeated,
+)
+from crosscheck.judge.records import read_file
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.check import key_of
 from crosscheck.measure.price import WITHIN, PriceList
@@ -24,6 +35,7 @@ from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
 from crosscheck.report.wording import filled
 from crosscheck.scenes.names import called
+from crosscheck.workers.timing import machine, versions
 from refkin.model import Scene
 from refkin.scenes.files import load
 
@@ -58,7 +70,7 @@ def price(
     writable("page", page)
     ours = [name for name in PRICED if name in OURS]
     asked, subject = (*ours, *names(engines, always=())), load(scene)
-    before = None if again is None else _earlier(again, subject)
+    before = None if again is None else _earlier(again, subject, asked)
     print(f"this takes up to {WITHIN:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)
     try:
         with shown_progress(None, WITHIN / 60, "measurements") as show:
@@ -66,7 +78,7 @@ def price(
     except NoTruth as error:
         print(error, file=sys.stderr)
         return DISAGREEMENT
-    result = to_json(prices)
+    result = to_json(prices, asked)
     if page is not None:
         with naming(page):
             page.write_text(page_of(result), encoding="utf-8")
@@ -79,36 +91,55 @@ def price(
     return PASS
 
 
-def _earlier(file: Path, scene: Scene) -> dict[str, Any]:
-    """Return the earlier price list of a scene; UsageError if it is of another one, or does not say of which.
+@dataclass(frozen=True)
+class _Earlier:
+    """Of what `crosscheck price --json` prints: which scene it is of, who was asked, and what that found."""
 
-    A name does not do: lengths are changed under the same one. To print a list that has no key anew takes a minute.
+    scene: str
+    key: str
+    engines: list[str]
+    rows: list[PriceRow]
+
+
+def _earlier(file: Path, scene: Scene, asked: Sequence[str]) -> dict[str, Cheapest]:
+    """Return the winners of an earlier price list; UsageError if it is of another scene, or others were asked.
+
+    A name does not do: lengths are changed under the same one.
     """
-    try:
-        earlier = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        earlier = None
-    if not isinstance(earlier, dict) or not all(isinstance(earlier.get(key), dict) for key in LISTS):
-        raise UsageError(f"--again: expected what `crosscheck price --json` prints, got {file}")
-    key, expected = earlier.get("key"), key_of(scene)
-    if key != expected:
-        said = "without the key of its scene, by an older version: print it anew" if key is None else f"({key})"
-        other = f"one of {quoted(str(earlier.get('scene')))} {said}"
-        raise UsageError(f"--again {file}: expected a price list of {quoted(scene.name)} ({expected}), got {other}")
-    return earlier
+    earlier, faults = read_file(file, _Earlier) if file.is_file() else (None, [f"{file} is no file"])
+    if earlier is None:
+        raise UsageError(f"--again: expected what `crosscheck price --json` prints: {faults[0]}")
+    if earlier.key != (expected := key_of(scene)):
+        raise UsageError(
+            f"--again {file}: expected a price list of {quoted(scene.name)} ({expected}), "
+            f"got one of {quoted(earlier.scene)} ({earlier.key})"
+        )
+    if earlier.engines != (now := _called(asked)):
+        raise UsageError(f"--again {file}: expected a price list of {', '.join(now)}, got {', '.join(earlier.engines)}")
+    return winners(list(map(asdict, earlier.rows)))
 
 
-LISTS = ("cheapest", "cheapest_engine")
-"""Whose winners are compared: among all, and among the engines alone."""
-SCHEMA = 2
+def _called(asked: Sequence[str]) -> list[str]:
+    """Return what those who were asked are called anywhere: of an engine of a user's own the file, not its folder."""
+    return sorted(Path(spec).name for spec in asked)
+
+
+def winners(rows: Sequence[Mapping[str, Any]]) -> dict[str, Cheapest]:
+    """Return the cheapest ways of all, and of the engines alone."""
+    return {"cheapest": cheapest(rows), "cheapest_engine": cheapest([r for r in rows if r["engine"] not in OURS])}
+
+
+MADE_ON = "{processor}, {system}, {cores} cores"
+SCHEMA = 3
 WIDTH = 150
 """Columns of output that goes to no terminal."""
 
 
-def to_json(prices: PriceList) -> dict[str, Any]:
+def to_json(prices: PriceList, asked: Sequence[str] = PRICED) -> dict[str, Any]:
     """Return the price list as plain data.
 
-    `key` says of which `scene` it is, whatever the name.
+    `key` says of which `scene` it is, whatever the name; `engines` who was `asked`; `machine` and `versions` on what it
+    was measured.
     A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`,
     `microseconds_to_build`, and of one cycle `digits`, `microseconds`, `spread`; the same of one pose ends in `_one`,
     and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
@@ -119,9 +150,11 @@ def to_json(prices: PriceList) -> dict[str, Any]:
         "schema": SCHEMA,
         "scene": prices.scene,
         "key": prices.key,
+        "engines": _called(asked),
+        "machine": machine(),
+        "versions": versions(),
         "rows": rows,
-        "cheapest": cheapest(rows),
-        "cheapest_engine": cheapest([row for row in rows if row["engine"] not in OURS]),
+        **winners(rows),
         "times": {"asked": prices.asked, "priced": prices.times, "certified": prices.known},
         "refused": [dict(zip(("engine", "method", "reason"), refused, strict=True)) for refused in prices.refused],
     }
@@ -139,7 +172,7 @@ def print_list(result: Mapping[str, Any]) -> None:
         out.print(line)
 
 
-def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> bool:
+def print_repeated(before: Mapping[str, Cheapest], now: Mapping[str, Any], as_json: bool) -> bool:
     """Print whether two lists have the same winners; return whether in enough cells, of which there must be one.
 
     A cell counts where both lists tell its winner from the second; how many do in one alone is printed.
@@ -147,15 +180,15 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
     Parameters
     ----------
     before, now : mapping
-        The lists, as the JSON has them.
+        The `winners` of a list, and the list that was measured now, as the JSON has it.
     as_json : bool
         Whether JSON is printed, or text.
     """
-    parts = [repeated(before[key], now[key]) for key in LISTS]
+    parts = [repeated(list_before, now[key]) for key, list_before in before.items()]
     cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = same / cells if cells else None
     changed = [line for part in parts for line in part[2]]
-    once = [clear_once(before[key], now[key]) for key in LISTS]
+    once = [clear_once(list_before, now[key]) for key, list_before in before.items()]
     first, second = (sum(numbers) for numbers in zip(*once, strict=True))
     if as_json:
         counts = {"cells": cells, "same": same, "share": share, "first_alone": first, "second_alone": second}
@@ -173,12 +206,14 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
 def lines(result: Mapping[str, Any]) -> list[str]:
     """Return what is to be said of a price list beside its rows."""
     times = result["times"]
+    made_on = MADE_ON.format(**result["machine"])
     out = [
         f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
         "one pose now: started at the pose before it, with the model built (build -: in every call); "
         "bulk: 1,000 poses; all of processor time",
         "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
-        f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many",
+        f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many and "
+        "is nobody's second best; such a price is never known to differ",
     ]
     if times["priced"] < times["asked"]:
         out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")
@@ -188,6 +223,7 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         if not any(row[f"microseconds{SUFFIX[poses]}"] for row in result["rows"]):
             out.append(f"{name}: nothing was timed, for want of time or of several times in the scene")
     out += [f"{r['engine']}, {r['method']}: refused: {r['reason']}" for r in result["refused"]]
+    out.append(", ".join((made_on, *(f"{name} {value}" for name, value in result["versions"].items()))))
     silent = {(r["engine"], r["method"], r["setting"], r["note"]) for r in result["rows"] if r["digits"] is None}
     return out + [f"{', '.join(filter(None, row[:3]))}: {row[3]}" for row in sorted(silent)]
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from crosscheck.scenes.names import QUANTITIES
+from refkin.motion import Quantity
+
 STEPS = (3, 6, 9, 12, 14)
 """The digits whose cheapest method is named."""
 CONTENDS = 3.0
 """A setting that takes so many times as long as the cheapest with as many digits is timed once: it decides nothing."""
-ONCE = 2.0 / 3.0
-"""The part of a price that was measured once by which it may be off at most."""
 POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
 """Who asks: somebody who needs one pose at once, one cycle, or a thousand poses and more."""
 SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}
@@ -33,7 +34,7 @@ class PriceRow:
     engine: str
     method: str
     setting: str
-    quantity: str
+    quantity: Quantity
     digits: float | None
     digits_attainable: float | None
     microseconds: float | None
@@ -102,13 +103,12 @@ class Offer:
     def differs(self, other: Offer) -> bool:
         """Whether two prices differ by more than the spread of both: by how far either was off in half of its rounds.
 
-        What was timed once has no spread: it is known to differ from what costs less than a part of it.
+        What was timed once has no spread, and is never known to differ: such a call was off by 86 % of its price.
         """
-        if self.spread is None:
+        if self.spread is None or other.spread is None:
             return False
-        of_other = ONCE if other.spread is None else other.spread
         apart = abs(self.microseconds - other.microseconds)
-        return apart > self.spread * self.microseconds + of_other * other.microseconds
+        return apart > self.spread * self.microseconds + other.spread * other.microseconds
 
 
 Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
@@ -116,7 +116,18 @@ Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
 
 
 def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
-    """Return the best offer of each method with so many digits, the cheapest first.
+    """Return the best offer of each method with so many digits, the cheapest first; parameters as of `settings`."""
+    best: dict[tuple[str, str], Offer] = {}
+    for offer in settings(rows, poses, quantity, digits):
+        best.setdefault(offer.name, offer)
+    return list(best.values())
+
+
+def settings(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
+    """Return what all settings with so many digits offer, the cheapest first.
+
+    A rate comes with the position that it is one of: the fewest digits of all up to a quantity count. So no position
+    costs more than one with rates.
 
     Parameters
     ----------
@@ -127,17 +138,19 @@ def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits:
     digits : float
         At least so many.
     """
-    best: dict[tuple[str, str], Offer] = {}
-    for row in rows:
-        of_poses = {key: row.get(key + SUFFIX[poses]) for key in ("digits", "microseconds", "spread")}
-        if row["quantity"] != quantity or of_poses["digits"] is None or of_poses["microseconds"] is None:
-            continue
+    fewest: dict[tuple[str, ...], list[float | None]] = {}
+    offered = list[Offer]()
+    upto = QUANTITIES[: QUANTITIES.index(quantity) + 1]
+    for row in sorted((row for row in rows if row["quantity"] in upto), key=lambda row: upto.index(row["quantity"])):
         who: dict[str, Any] = {key: row.get(key, "") for key in ("engine", "method", "setting", "newton_by")}
-        offer = Offer(**{**who, **of_poses}, build=row.get("microseconds_to_build"))
-        known = best.get(offer.name)
-        if offer.digits >= digits and (known is None or offer.microseconds < known.microseconds):
-            best[offer.name] = offer
-    return sorted(best.values(), key=lambda offer: offer.microseconds)
+        known = fewest.setdefault(tuple(who.values()), [])
+        known.append(row.get(f"digits{SUFFIX[poses]}"))
+        price, spread = (row.get(f"{key}{SUFFIX[poses]}") for key in ("microseconds", "spread"))
+        there = [x for x in known if x is not None and x >= digits]
+        if row["quantity"] == quantity and price is not None and len(there) == len(known):
+            build = row.get("microseconds_to_build")
+            offered.append(Offer(**who, digits=min(there), microseconds=price, spread=spread, build=build))
+    return sorted(offered, key=lambda offer: offer.microseconds)
 
 
 def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) -> Cheapest:

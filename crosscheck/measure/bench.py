@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-import platform
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
@@ -21,7 +19,7 @@ from crosscheck.measure.price_process import Key, any_of
 from crosscheck.scenes.workloads import LoopChain, Workload, workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.processes import Failure, FailureKind, call_each, call_in_turn
-from crosscheck.workers.timing import Timing, timed_in_turns
+from crosscheck.workers.timing import Timing, machine, timed_in_turns, versions
 
 ROUNDS = 20
 TURN = 0.03
@@ -31,7 +29,6 @@ SECONDS = 30.0
 PATIENCE = 120.0
 """How long a method that is asked once may take for a workload [s], both orders together."""
 SECONDS_PER_WORKLOAD = 600.0
-PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
 PRODUCERS = (*OURS, *PEERS)
 CONFIGURATION, NEWTON_ITERATION = "configuration", "newton-iteration"
 
@@ -63,7 +60,8 @@ def measured(
     workloads = {str(k): batch.run for k, (_, batch) in enumerate(entries)}
     timings = timed_in_turns(workloads, rounds=rounds, at_least=TURN, within=SECONDS)
     rows = [row(work, *entry, timings[str(k)]) for k, entry in enumerate(entries)]
-    return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
+    made_on = {**machine(), "threads": os.environ.get("OMP_NUM_THREADS", "not limited")}
+    return {"rows": rows, "absent": absent, "versions": {**versions(), "compiler": compiler()}, "machine": made_on}
 
 
 def _listed(work: Workload, producers: Sequence[str], absent: list[dict[str, Any]]) -> Iterator[Method]:
@@ -133,39 +131,12 @@ def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
     return of_four_bars(work, batch.answers())
 
 
-def versions() -> dict[str, str]:
-    """Return what was measured with, by name."""
-    by_package = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            by_package[package] = version(package)
-        except PackageNotFoundError:
-            by_package[package] = "absent"
+def compiler() -> str:
+    """Return which compiler made what is of C."""
     try:
-        by_package["compiler"] = compiler_version()
+        return compiler_version()
     except EngineError:
-        by_package["compiler"] = "absent"
-    return by_package
-
-
-def machine() -> dict[str, Any]:
-    """Return what it was measured on."""
-    return {
-        "system": f"{platform.system()} {platform.machine()}",
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "threads": os.environ.get("OMP_NUM_THREADS", "not limited"),
-    }
-
-
-def _processor() -> str:
-    """Return the processor's name as far as the system tells it without asking anybody else."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            names = [line.split(":", 1)[1].strip() for line in file if line.startswith("model name")]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor() or "unknown"
+        return "absent"
 
 
 def _finite(x: float) -> float | None:

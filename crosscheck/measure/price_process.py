@@ -19,7 +19,7 @@ import numpy as np
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Method, Model, Use, floats, methods
 from crosscheck.judge.comparison import begun_at
-from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, offers
+from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, settings
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.scenes.names import order_of
 from crosscheck.workers.processes import Failure, told_if_raised
@@ -244,8 +244,9 @@ def _time(runs: Sequence[_Run], poses: str, question: PriceQuestion, end: float,
 def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
     """Return settings with how many times the cheapest one each costs, where it is nearest to that, these first.
 
-    It is held against others with as many of the digits that are asked for, of all and of the engines: there the best
-    setting of each method counts; of its own engine the cheapest alone. What is never so cheap is infinitely far away.
+    Each is held against others with as many of the digits that are asked for: all, the engines', its own engine's. What
+    is the cheapest there, or the cheapest of another method, stands in a table: nothing is nearer. What has too few
+    digits is infinitely far away. A single call tells little of two settings that are near: so both are taken.
     """
     by_key, rows = {run.method.key: run for run in runs}, list[dict[str, Any]]()
     for (engine, method, setting), run in by_key.items():
@@ -253,14 +254,16 @@ def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
         row: dict[str, Any] = {**who, f"microseconds{SUFFIX[poses]}": run.seconds[poses]}
         rows += [{**row, "quantity": q, f"digits{SUFFIX[poses]}": d} for q, (d, _) in run.digits[poses].items()]
     engines = [row for row in rows if row["engine"] not in OURS]
-    own = [([row for row in rows if row["engine"] == engine], 1) for engine in {engine for engine, *_ in by_key}]
+    own = ([row for row in rows if row["engine"] == engine] for engine in {engine for engine, *_ in by_key})
     away = dict.fromkeys(by_key, math.inf)
-    for group, count in ((rows, len(rows)), (engines, len(rows)), *own):
+    for group in (rows, engines, *own):
         for quantity, digits in product(QUANTITIES, STEPS):
-            ranked = offers(group, poses, quantity, digits)[:count]
+            ranked = settings(group, poses, quantity, digits)
+            shown = [*ranked[:1], *[offer for offer in ranked if offer.name != ranked[0].name][:1]]
             for offer in ranked:
                 key = *offer.name, offer.setting
-                away[key] = min(away[key], offer.microseconds / ranked[0].microseconds)
+                ratio = 1.0 if offer in shown else offer.microseconds / ranked[0].microseconds
+                away[key] = min(away[key], ratio)
     return sorted(((away[key], run) for key, run in by_key.items()), key=lambda pair: (pair[0], pair[1].seconds[poses]))
 
 

@@ -46,6 +46,7 @@ from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
 from crosscheck.workers.source import SOURCE, digest
+from crosscheck.workers.timing import machine
 from refkin.scenes.files import to_dict
 
 ROUND = 140
@@ -335,7 +336,7 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         "source": digest(),
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}",
+        "machine": "{processor}, {system}, {cores} cores".format(**machine()),
         "date": (before or {}).get("date") or time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
     }
     replace_file(plan.out / "run.json", json.dumps(made, indent=1) + "\n")

@@ -114,7 +114,9 @@ def answer(report: Report) -> str:
     others = [offer for offer in ordered if offer.engine in report["engines"]]
     if others and others[0] is not ordered[0]:
         cheapest_method += f"; of the engines compared here, with {_paid(others[0])}"
-    return f"Nine digits of acceleration cost least with {cheapest_method} ({main_class(prices)} scenes)."
+    return (
+        f"Nine digits of acceleration cost least over one cycle with {cheapest_method} ({main_class(prices)} scenes)."
+    )
 
 
 def _paid(offer: Offer) -> str:

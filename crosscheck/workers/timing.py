@@ -12,9 +12,13 @@ from __future__ import annotations
 
 import gc
 import math
+import os
+import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 ROUNDS = 7
 """How often each gets its turn."""
@@ -22,6 +26,9 @@ AT_LEAST = 2e-3
 """What one turn lasts at least [s]: work that is quicker is repeated within it."""
 LONG = 0.05
 """From here on a call needs none before it that is not timed [s]: cold caches cost some tenths of a millisecond."""
+
+PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
+"""Whose versions are told with what was measured."""
 
 
 @dataclass(frozen=True)
@@ -116,3 +123,33 @@ def _turn(work: Callable[[], object], count: int) -> float:
     finally:
         if collecting:
             gc.enable()
+
+
+def versions() -> dict[str, str]:
+    """Return what was measured with, by name."""
+    by_package = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            by_package[package] = version(package)
+        except PackageNotFoundError:
+            by_package[package] = "absent"
+    return by_package
+
+
+def machine() -> dict[str, Any]:
+    """Return what it was measured on."""
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+    }
+
+
+def _processor() -> str:
+    """Return the processor's name as far as the system tells it without asking anybody else."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            names = [line.split(":", 1)[1].strip() for line in file if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown"

@@ -30,6 +30,7 @@ from crosscheck.measure.bench import _entries, key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import AnswerPiece, system_of, unit_of
+from crosscheck.workers import timing
 from crosscheck.workers.processes import Failure, FailureKind
 from crosscheck.workers.timing import Timing
 from refkin.solving import limits
@@ -422,7 +423,7 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     rows = [row | dict(zip(names, key, strict=True)) | {"nanoseconds_per_configuration": t} for key, t in times.items()]
     rows.append(rows[0] | {"computes": ["position"], "nanoseconds_per_configuration": 150.0})
 
-    text = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
+    text = printed({"rows": rows, "absent": [], "versions": {}, "machine": {**timing.machine(), "threads": 1}})
 
     claim = (
         "refkin-batch, all times at once takes 2 times the same operations compiled as C, 0.25 times dense Newton in "
@@ -531,7 +532,7 @@ def test_committed_results_say_what_they_were_measured_on(path):
     assert all(row["ranked"] for row in data["rows"])
     assert data["machine"]["threads"] == "1"
     assert data["machine"]["processor"]
-    assert set(data["versions"]) == {"python", *measure.PACKAGES, "compiler"}
+    assert set(data["versions"]) == {"python", *timing.PACKAGES, "compiler"}
 
 
 @pytest.mark.parametrize(("highest", "at_once", "orders"), [(2, False, [2, 0]), (2, True, [2]), (0, False, [0])])

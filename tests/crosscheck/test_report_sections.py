@@ -130,7 +130,8 @@ def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path
     report, page = reported(tmp_path, price=PRICES)
 
     assert [row["price"] for row in first_table(report)] == [24.0]
-    assert sentence(report) == "Nine digits of acceleration cost least with mujoco · newton: 24 µs (regular scenes)."
+    said = "Nine digits of acceleration cost least over one cycle with mujoco · newton: 24 µs (regular scenes)."
+    assert sentence(report) == said
     assert sentence(report) in page
 
 
@@ -148,7 +149,7 @@ def test_the_first_table_has_the_price_of_the_method_whose_digits_it_shows(tmp_p
 def test_the_page_prices_one_pose_a_cycle_and_bulk_with_the_second_best_and_the_model(tmp_path: Path) -> None:
     """The tables had one cycle alone, and did not say what was called once."""
     bulk = {"digits_bulk": 12.0, "microseconds_bulk": 6.9, "spread_bulk": 0.01, "microseconds_to_build": 850.0}
-    one = {"digits_one": 12.0, "microseconds_one": 31.0, "spread_one": None}
+    one = {"digits_one": 12.0, "microseconds_one": 35.0, "spread_one": None}
     batch = {**PRICES[1], **bulk, "engine": "exudyn", "method": "Newton", "microseconds": 40.0}
     _, page = reported(tmp_path, price=[{**PRICES[1], **one, **bulk, "microseconds_bulk": 7.0}, batch])
 
@@ -156,9 +157,11 @@ def test_the_page_prices_one_pose_a_cycle_and_bulk_with_the_second_best_and_the_
     text = " ".join(re.sub(r"<[^>]*>", " ", table).split())
     said = [text.index(name) for name in ("one pose now", "one cycle", "in bulk")]
     now, cycle, bulk_ = text[said[0] : said[1]], text[said[1] : said[2]], text[said[2] :]
-    assert "31 mujoco · newton" in now
+    assert "35 mujoco · newton" in now
     assert "; once nobody else" in now
+    assert "exudyn never never never never never" in now
     assert "31 mujoco · newton" in cycle
+    assert "exudyn 40 Newton: k = 4; model 850 µs 40" in cycle
     assert "next: 40 exudyn · Newton" in cycle
     assert "6.9 exudyn · Newton" in bulk_
     assert "model 850 µs as good: 7.0 mujoco · newton" in bulk_
@@ -194,7 +197,7 @@ def test_cheapest_of_all_is_told_beside_the_cheapest_of_the_engines(tmp_path: Pa
     engines = "of the engines compared here, with mujoco · newton: 24 µs (regular scenes)."
     assert (
         sentence(report)
-        == f"Nine digits of acceleration cost least with refkin · all times at once: 0.50 µs; {engines}"
+        == f"Nine digits of acceleration cost least over one cycle with refkin · all times at once: 0.50 µs; {engines}"
     )
 
 

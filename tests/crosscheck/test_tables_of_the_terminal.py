@@ -87,8 +87,9 @@ def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
 
 def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
     rows = [priced("newton", 9.0, None), priced("steps", None, None, setting="1e-3", note="it ended")]
-    said = price.lines({"times": {"priced": 73, "asked": 80, "certified": 70}, "rows": rows, "refused": []})
-    whole = price.lines({"times": {"priced": 73, "asked": 73, "certified": 73}, "rows": rows[:1], "refused": []})
+    made_on = {"machine": {"processor": "a", "system": "b", "cores": 2}, "versions": {"c": "1"}, "refused": []}
+    said = price.lines({"times": {"priced": 73, "asked": 80, "certified": 70}, "rows": rows, **made_on})
+    whole = price.lines({"times": {"priced": 73, "asked": 73, "certified": 73}, "rows": rows[:1], **made_on})
 
     assert said[4:] == [
         "priced are the first 73 of the scene's 80 times",
@@ -97,9 +98,10 @@ def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
             f"{price.POSES[k]}: nothing was timed, for want of time or of several times in the scene"
             for k in ("one", "bulk")
         ),
+        "a, b, 2 cores, c 1",
         "mujoco, steps, 1e-3: it ended",
     ]
-    assert whole == said[:4] + said[6:8]
+    assert whole == said[:4] + said[6:9]
 
 
 def test_a_page_of_prices_takes_names_as_they_are():
@@ -108,10 +110,12 @@ def test_a_page_of_prices_takes_names_as_they_are():
     rows = [priced("<b>newton</b>", 9.0, 5.0, **{**spreads, **digits, "microseconds_bulk": 1.0})]
     offers = {poses: {"position": dict.fromkeys(map(str, price.STEPS))} for poses in price.POSES}
     result = {"scene": "<i>", "rows": rows, "cheapest": offers, "cheapest_engine": offers, "refused": []}
+    result |= {"machine": {"processor": "<i>", "system": "b", "cores": 2}, "versions": {"c": "1"}}
     page = price.page_of({**result, "times": {"priced": 1, "asked": 1, "certified": 1}})
 
     assert "&lt;b&gt;newton" in page
     assert "<b>newton" not in page
+    assert "<i>" not in page
 
 
 def test_a_course_is_a_block_for_each_night_as_high_as_its_ratio():
