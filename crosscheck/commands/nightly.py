@@ -15,11 +15,12 @@ from rich.table import Table
 from crosscheck.commands.engines import ENGINES, MOST_LINES, names, outcome_lines
 from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
+from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
 from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
-from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, write_outcome
+from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, taken, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import summary
 from crosscheck.report.build import build, summarized
@@ -96,25 +97,39 @@ def nightly(
     """
     if baseline is not None:
         golden.read(baseline)
+    gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
     refuse_others(out)
-    if fresh:
-        make_room(out)
-    accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)
+    accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     required = names(require_engines, always=())
-    plan = NightPlan(
-        seed=seed_of(out, seed),
-        out=out,
-        engines=tuple(dict.fromkeys((*names(engines), *required))),
-        required=required,
-        minutes=3.0 if minutes is None and scenes is None else minutes,
-        scenes=scenes,
-        workers=workers or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1),
-        cluster=cluster,
-        scene_seconds=scene_seconds,
-        baseline=accepted,
-        known_gaps=known_gaps,
-    )
+    asked = tuple(dict.fromkeys((*names(engines), *required)))
+    with taken(out):
+        if fresh:
+            make_room(out)
+        plan = NightPlan(
+            seed=seed_of(out, seed),
+            out=out,
+            engines=asked,
+            required=required,
+            minutes=3.0 if minutes is None and scenes is None else minutes,
+            scenes=scenes,
+            workers=workers or _cores(),
+            cluster=cluster,
+            scene_seconds=scene_seconds,
+            baseline=accepted,
+            known_gaps=known_gaps,
+        )
+        seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
+        return _reported(plan.out, _carried_out(plan, seconds), history or plan.out.parent / "history.sqlite")
+
+
+def _cores() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _carried_out(plan: NightPlan, seconds: float) -> NightOutcome:
+    """Carry out a plan: its scenes, then for so many seconds what is measured beside them."""
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
@@ -122,13 +137,12 @@ def nightly(
             kept = f"what was checked is kept in {plan.out}, and the same command goes on from there"
             error.args = (f"{str(error) or 'interrupted'}; {kept}",)
             raise
-    seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
     if outcome.checked:
         write_sections(plan.out, outcome.engines, {ALWAYS, *SAMPLED}, seconds, _told)
         _told("pictures and documents")
         write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
         write_documents(plan.out)
-    return _reported(plan.out, outcome, history or plan.out.parent / "history.sqlite")
+    return outcome
 
 
 def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:

@@ -67,8 +67,8 @@ def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> Ni
     """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again.
 
     If a required engine is missing, or all that were asked for are, nothing is run. `progress` is called about once a
-    second or more often, with the number of scenes checked and what is being done. OtherRun or Occupied if the folder
-    belongs to another run; SameName, InvalidGap, NoCluster if two engines have one name, the table of known gaps makes
+    second or more often, with the number of scenes checked and what is being done. OtherRun if the folder belongs
+    to another run; SameName, InvalidGap, NoCluster if two engines have one name, the table of known gaps makes
     no sense, the cluster is not there.
     """
     gaps = known_gaps.table(plan.known_gaps)

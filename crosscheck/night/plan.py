@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,8 +24,28 @@ except ImportError:  # Windows, where the lock is not taken
     fcntl = None  # type: ignore[assignment]
 
 
+LOCK = ".lock"
+"""A file in the folder of a night that holds nothing: who has it open has the folder."""
+
+
 class Occupied(UsageError):
-    """Another run is writing to the same file."""
+    """Another night is writing to the same folder."""
+
+
+@contextmanager
+def taken(folder: Path) -> Iterator[None]:
+    """Take a folder for this process, until its night is over; Occupied if another has it.
+
+    The system gives it back however the process ends.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("ab") as file:
+        if fcntl is not None:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise Occupied(f"another night is writing to {folder}") from error
+        yield
 
 
 class Journal:
@@ -32,7 +53,7 @@ class Journal:
 
     A line that a kill cut short is removed when the file is opened again; its scene is then checked anew. A whole line
     that is no record stays where it is, for the report to complain of, and is `unreadable`. `keys` are the records',
-    with the numbers of their scenes. Occupied if another process has the file open as a journal.
+    with the numbers of their scenes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,7 +63,6 @@ class Journal:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("ab")
         try:
-            self._lock()
             with path.open("rb") as file:
                 whole = sum(len(line) for line in file if line.endswith(b"\n"))
             if whole != path.stat().st_size:
@@ -89,15 +109,6 @@ class Journal:
         with naming(self.path):
             os.fsync(self._file.fileno())
             self._file.close()
-
-    def _lock(self) -> None:
-        """Take the file for this process; the system gives it back however the process ends."""
-        if fcntl is None:
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise Occupied(f"another run is writing to {self.path}") from error
 
 
 def _number(record: Record) -> int | None:

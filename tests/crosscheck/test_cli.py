@@ -21,6 +21,7 @@ import pytest
 import refkin
 from crosscheck import __main__
 from crosscheck.cli import COMMANDS, app
+from crosscheck.commands import nightly as nights
 from crosscheck.commands import usage
 from crosscheck.commands.solve import solve
 from crosscheck.commands.usage import shown_progress
@@ -159,6 +160,16 @@ def test_a_required_engine_that_is_not_installed_ends_with_3_before_anything_run
     assert (process.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
     assert not (tmp_path / "out" / "records.jsonl").exists()
     assert "missing: exudyn: engine 'exudyn' cannot be imported: no exudyn here" in process.stderr
+
+
+def test_a_night_has_its_folder_until_its_report_is_written(tmp_path, monkeypatch, command):
+    """A second one went on with its records while the first one measured prices."""
+    asked, second = ["nightly", "--out", tmp_path, "--scenes", 1, "--engines", "closed_form"], []
+    monkeypatch.setattr(nights, "write_sections", lambda *_: second.append(command(*asked)))
+    first = command(*asked)
+
+    assert (first.returncode, second[0].returncode, second[0].stderr.count("\n")) == (0, 2, 1)
+    assert f"another night is writing to {tmp_path}" in second[0].stderr
 
 
 def test_a_required_engine_need_not_be_among_the_engines_to_be_run(tmp_path, nightly):

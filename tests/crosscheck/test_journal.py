@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from crosscheck.judge.records import Record, line_of, read_line
-from crosscheck.night.plan import Journal, Occupied, replace_file
+from crosscheck.night.plan import Journal, Occupied, replace_file, taken
 
 HOLD = """
 import pathlib, sys
-from crosscheck.night.plan import Journal
-journal = Journal(pathlib.Path(sys.argv[1]))
-print("held", flush=True)
-input()
+from crosscheck.night.plan import taken
+with taken(pathlib.Path(sys.argv[1])):
+    print("held", flush=True)
+    input()
 """
 
 
@@ -113,21 +113,18 @@ def test_a_record_that_json_cannot_hold_is_refused_whole(path):
         assert (path.read_text(), journal.keys) == ("", {})
 
 
-def test_two_runs_cannot_write_to_one_file(path):
-    with Journal(path), pytest.raises(Occupied, match=r"another run is writing to .*records.jsonl"):
-        Journal(path)
-
-
-def test_the_file_of_a_killed_run_is_free_again(path):
-    with subprocess.Popen([sys.executable, "-c", HOLD, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+def test_the_folder_of_a_killed_night_is_free_again(tmp_path):
+    command = [sys.executable, "-c", HOLD, tmp_path / "run"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None
         holder.stdout.readline()
-        with pytest.raises(Occupied):
-            Journal(path)
+        with pytest.raises(Occupied, match=r"another night is writing to .*run"), taken(tmp_path / "run"):
+            pass
         holder.send_signal(signal.SIGKILL)
         holder.wait()
 
-    assert written(path, "a") == ["a"]
+    with taken(tmp_path / "run"):
+        pass
 
 
 @pytest.fixture
