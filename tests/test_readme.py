@@ -48,6 +48,75 @@ def test_the_prices_of_the_readme_are_those_of_the_sample_report():
     assert [(name, *prices(name.lower())) for name in ("exudyn", "Pinocchio", "MuJoCo")] == table
 
 
+BENCH = {
+    (row["workload"], row["engine"], row["method"], row["setting"]): row["nanoseconds_per_configuration"]
+    for path in sorted((ROOT / "reports").glob("bench-*.json"))
+    for row in json.loads(path.read_text(encoding="utf-8"))["rows"]
+    if len(row["computes"]) == (3 if row["unit"] == "configuration" else 1)
+}
+BATCH, PROVED = (
+    ("refkin-batch", "all times at once", "no evidence"),
+    ("refkin-batch", "all times at once", "certificate"),
+)
+SPARSE, SAME, DENSE = ("refkin-batch", "sparse", ""), ("c", "same program", ""), ("c", "dense Newton", "")
+SOLVE, NEWTON = ("refkin", "solve", "no evidence"), "Newton on its rows, extrapolated"
+EXUDYN = ("exudyn", "MainSolverStatic.Newton, extrapolated", "absoluteTolerance 2e-15")
+MUJOCO = ("mujoco", "mujoco.batch, all times at once", "|dq| < 1e-08")
+PLANE, SPACE = ("sweep-1000", "many-10000x360"), ("rssr-1000", "rssrs-100x72")
+CHAINS = ("chain-10", "chain-100", "chain-1000", "chain-10000")
+FIGURES = [
+    ("`refkin-batch`", PLANE, BATCH, None),
+    ("`refkin-batch`, with a certificate for every pose", PLANE, PROVED, None),
+    ("`refkin-batch` / the same operations compiled as C", PLANE, BATCH, SAME),
+    ("`refkin-batch` / dense Newton in C", PLANE, BATCH, DENSE),
+    ("`refkin-batch` / NumPy's closed form, the limit", PLANE, BATCH, ("numpy", "closed form", "")),
+    ("fastest engine (MuJoCo, a batch by the adapter's Newton) / `refkin-batch`", PLANE, MUJOCO, BATCH),
+    ("`refkin.solve` / `refkin-batch`", PLANE, SOLVE, BATCH),
+    ("`refkin-batch`, sparse", CHAINS, SPARSE, None),
+    ("/ the same operations compiled as C", CHAINS, SPARSE, SAME),
+    ("/ dense Newton in C that passes over zeros", CHAINS, SPARSE, DENSE),
+    ("/ exudyn's Newton, sparse", CHAINS, SPARSE, EXUDYN),
+    ("`refkin-batch`", SPACE, BATCH, None),
+    ("certificates of every pose as well", SPACE, PROVED, None),
+    ("Pinocchio / `refkin-batch`", SPACE, ("pinocchio", NEWTON, "|dq| < 1e-08"), BATCH),
+    ("MuJoCo / `refkin-batch`", SPACE, ("mujoco", NEWTON, "|dq| < 1e-08"), BATCH),
+    ("exudyn / `refkin-batch`", SPACE, EXUDYN, BATCH),
+    ("`refkin.solve` / `refkin-batch`", SPACE, SOLVE, BATCH),
+]
+UNITS = {"ns": 1.0, "us": 1e3, "ms": 1e6}
+
+
+def test_the_figures_of_the_benchmark_are_those_of_its_records():
+    """To the digits that are written; no table has a line that is not held against them."""
+    text = (ROOT / "reports/README.md").read_text(encoding="utf-8").split("## The benchmark")[1]
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in re.findall(r"^\|.*\|$", text, re.MULTILINE)
+    ]
+    lines = [line for line in lines if re.match(r"[\d.]+(?: [num]s)?$", line[1])]
+
+    assert [label for label, *_ in lines] == [label for label, *_ in FIGURES]
+    for (_, *cells), (_, columns, who, other) in zip(lines, FIGURES, strict=True):
+        for cell, column in zip(cells, columns, strict=True):
+            written, unit = re.fullmatch(r"([\d.]+)?(?: ([num]s))?.*", cell).groups()
+            if written is None:
+                assert (column, *other) not in BENCH
+                continue
+            measured = BENCH[column, *who] / (BENCH[column, *other] if other else UNITS[unit])
+            digits = len(written.partition(".")[2])
+            assert abs(float(written) - measured) <= 0.5001 * 10.0**-digits, (cell, measured)
+
+
+def test_the_winners_that_are_said_to_repeat_are_those_of_the_record():
+    record = json.loads((ROOT / "reports/price-again-2026-11-28.json").read_text(encoding="utf-8"))
+    text = (ROOT / "docs/howto/cost.md").read_text(encoding="utf-8")
+
+    assert f"{sum(one['same'] for one in record)} of {sum(one['cells'] for one in record)} cells" in text
+    assert [one["scene"] for one in record if one["busy_loops_beside"] == 3] == [
+        "slider-crank",
+        "inverted slider-crank",
+    ]
+
+
 NAMED = sorted(set(re.findall(r"(?:examples|reports|crosscheck|refkin|docs)/[\w./-]*\w", TEXT)))
 
 
