@@ -171,7 +171,10 @@ class Workers(Pool):
                 if message is None:
                     yield from self._answered(process, process.end(), True)
                 elif message[0] is Message.DONE:
-                    yield from self._answered(process, message[1], False)
+                    failed = isinstance(message[1], Failure)
+                    if failed:
+                        process.end()  # an engine may have changed anything in it: the reference is not asked there
+                    yield from self._answered(process, message[1], failed)
             elif time.monotonic() > process.deadline:
                 process.end()
                 yield from self._answered(process, hang(self.seconds), True)

@@ -58,6 +58,8 @@ class MadeUp:
 
     def next(self):
         key, engines = self.todo[0]["key"], self.todo[0]["engines"]
+        if self.answer == ERROR:  # what raised may have changed anything in its process
+            return ERROR
         return FATES[key.partition(": ")[2]](engines, self.asked[key, engines])
 
     def take(self, seconds):
