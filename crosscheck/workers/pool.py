@@ -57,6 +57,11 @@ class Task:
     kills: int = 0
     trial: Trial | None = None
 
+    @property
+    def anew(self) -> bool:
+        """Whether it wants a process that no engine has had: in another one, something was raised."""
+        return self.trial is not None and self.trial.first.kind is FailureKind.ERROR
+
 
 @dataclass
 class Trial:
@@ -181,8 +186,10 @@ class Workers(Pool):
 
     def _hand_out(self) -> None:
         while self.waiting and (self.idle or len(self.busy) < self.count):
-            process = self.idle.pop() if self.idle else Child(self.work.do, self.work.prepare)
             task = self.waiting[0]
+            if self.idle and task.anew:
+                self.idle.pop().end()
+            process = self.idle.pop() if self.idle and not task.anew else Child(self.work.do, self.work.prepare)
             specs = tuple(self.engines[name] for name in task.engines)
             if process.give([{**job, "engines": specs} for job in task.jobs]):
                 self.busy[process] = self.waiting.popleft()

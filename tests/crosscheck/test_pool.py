@@ -44,12 +44,16 @@ PARTS = {
 ONCE = {"crashes once": "crash (SIGSEGV)", "raises once": ERROR.text}
 """What is said of a job on which a process failed once: of an exception where it was raised, which is the engine."""
 
+SPOILS = "spoils its process"
+"""A job after which all others in its process raise; so they do after one that raised."""
+
 
 class MadeUp:
     """A process as its parent sees it; `asked` counts how often any has begun with a job."""
 
     def __init__(self, clock, asked):
         self.clock, self.asked, self.todo, self.ended, self.answer = clock, asked, [], False, None
+        self.spoilt = False
         self.pipe, self.process = self, SimpleNamespace(kill=self.end)
 
     def give(self, jobs):
@@ -58,7 +62,7 @@ class MadeUp:
 
     def next(self):
         key, engines = self.todo[0]["key"], self.todo[0]["engines"]
-        if self.answer == ERROR:  # what raised may have changed anything in its process
+        if self.spoilt:
             return ERROR
         return FATES[key.partition(": ")[2]](engines, self.asked[key, engines])
 
@@ -67,6 +71,7 @@ class MadeUp:
         self.asked[job["key"], job["engines"]] += 1
         self.todo, self.deadline = self.todo[1:], self.clock.now + seconds
         self.ended, self.answer = answer in (CRASH, KILLED), answer
+        self.spoilt = self.spoilt or answer == ERROR or job["key"].endswith(SPOILS)
         return None if self.ended else (Message.DONE, job["key"] if answer == "well" else answer)
 
     def end(self):
@@ -137,6 +142,20 @@ def test_every_job_has_one_result_and_pays_for_no_other(run, batch, count):
         assert sorted(workers.unexplained) == [
             f"{k}: {fate}: {ONCE[fate]}, but not when it was done again" for k, fate in enumerate(fates) if fate in ONCE
         ], fates
+
+
+def test_what_raised_is_taken_apart_in_processes_that_no_engine_has_had_before(run, monkeypatch):
+    """An engine bound `json.dumps` anew: the reference, and engines after it, were blamed for what they raised then."""
+    monkeypatch.setitem(FATES, SPOILS, FATES["well"])
+    for fates, batch, count in product(product([SPOILS, "well", "raises with the other"], repeat=3), (1, 3), (1, 2)):
+        results, workers, _ = run(fates, batch, count)
+        parts = {result.key: [*result.parts.values()] for result in results if not isinstance(result, str)}
+
+        assert {key for key, of in parts.items() if ERROR in of} == {
+            f"{k}: {fate}" for k, fate in enumerate(fates) if fate.startswith("raises")
+        }, fates
+        assert all(of[:2] == [key, key] for key, of in parts.items()), fates
+        assert all("but not when it was done again" in line for line in workers.unexplained)
 
 
 def test_more_is_asked_for_until_as_many_tasks_wait_as_there_are_processes():
