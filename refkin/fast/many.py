@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import RefkinError
+from refkin.errors import RefkinError, expect
 from refkin.fast.block import CODES, NEVER_FOUND, OK, Block
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.run import block_samples
@@ -147,6 +147,7 @@ def solve_many(
     RefkinError
         If the equations have redundant rows, or none for some coordinate, or if bodies are of space.
     """
+    expect("scene", scene, Scene)
     group, made = _prepared(scene, geometry, estimates)
     samples, many = group.size, _unsolved(group, made, reducer is None)
     blocks = math.ceil(samples / block_samples(made.marching))

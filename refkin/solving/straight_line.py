@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.errors import NoFormula
 from refkin.proof.numbers.symbols import Graph, Symbol, coordinates, needed, symbolic_system
 from refkin.system import System
 from refkin.vec import cosine_and_sine
@@ -97,6 +98,9 @@ class StraightLineProgram:
         for s in rest:
             if s.op == "input":
                 inputs.setdefault(s.value.place[0], []).append((places[s], s.value.place[1]))
+            elif s.op not in ("const", "profile", *OPERATIONS):
+                kinds = ", ".join(sorted({p.constraint.type for p in self.placed}))
+                raise NoFormula(f"{s.op!r}, in one of: {kinds}")
             elif s.op != "const":
                 operation = self._profile(system, *s.value) if s.op == "profile" else OPERATIONS[s.op]
                 self.steps.append((places[s], operation, places[s.args[0]], places[s.args[-1]]))

@@ -14,6 +14,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
+from refkin.errors import NoFormula
 from refkin.joints import Constraint
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
@@ -530,6 +531,45 @@ def test_a_joint_of_ones_own_is_not_taken_to_say_the_same_in_every_turn(solver):
 
     motion = solver(Scene(mechanism=mechanism, times=(0.0, 60.0 * math.tau)))
     assert (motion.status[0], motion.status[1] is OK) == (OK, False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quotient(Constraint):
+    """phi_j = 1 / (3 + phi_i)."""
+
+    rows = 1
+    body_i: str
+    body_j: str
+    type: Literal["quotient"] = "quotient"
+
+    def constants(self, unit):
+        return ()
+
+    @staticmethod
+    def residual(g, f, i, j):
+        return (j.phi - 1.0 / (i.phi + 3.0),)
+
+    @staticmethod
+    def jacobian(g, f, i, j):
+        return ((0, 0, 1.0 / ((i.phi + 3.0) * (i.phi + 3.0))),), ((0, 0, 1),)
+
+    @staticmethod
+    def gamma(g, f, i, j):
+        return (2.0 / ((i.phi + 3.0) * (i.phi + 3.0) * (i.phi + 3.0)) * (i.omega * i.omega),)
+
+
+@EVERY_WAY
+def test_a_joint_of_ones_own_that_divides_is_told_what_formulas_may_do(solver):
+    """It ended in a KeyError of 'div', or in a TypeError of numbers that carry bounds."""
+    wheels = [Body(name=name, estimate=(0.0, 0.0, angle)) for name, angle in (("a", 0.0), ("b", 0.3))]
+    at = {"body_i": "ground", "point_i": (0.0, 0.0), "point_j": (0.0, 0.0)}
+    axles = [Revolute(name=f"axle {body.name}", **at, body_j=body.name) for body in wheels]
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(0.0, 1.0)))
+    joints = (*axles, Quotient(name="own", body_i="a", body_j="b"))
+    mechanism = Mechanism(bodies=tuple(wheels), joints=joints, drivers=(motor,))
+
+    with pytest.raises(NoFormula, match="formulas of joints add, subtract, multiply, and take sines and cosines"):
+        solver(Scene(mechanism=mechanism, times=(0.0, 0.5)))
 
 
 STRETCHED = math.acos((1.5**2 + 2.0**2 - (1.2 + 1.4) ** 2) / (2.0 * 1.5 * 2.0))

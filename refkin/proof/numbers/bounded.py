@@ -29,6 +29,7 @@ from typing import Any, Self, cast
 import numpy as np
 from flint import arb, ctx
 
+from refkin.errors import NoFormula
 from refkin.joints import Unit
 from refkin.proof.numbers.exact import continued, exact, exact_system
 from refkin.system import System
@@ -109,8 +110,12 @@ class Bounded:
         spread = _scaled(self.spread, most_x, x.rounding) + _scaled(x.spread, most, self.spread)
         return type(self)(mid, rounding, spread, size)
 
+    def __truediv__(self, other: Any) -> Bounded:
+        raise NoFormula("a quotient")
+
     __radd__ = __add__
     __rmul__ = __mul__
+    __rtruediv__ = __truediv__
 
     def __neg__(self) -> Bounded:
         return type(self)(-self.mid, self.rounding, self.spread, self._size)
