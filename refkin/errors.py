@@ -68,13 +68,6 @@ def expect(name: str, value: object, *kinds: type) -> None:
         raise TypeError(f"{name}: expected a {' or '.join(k.__name__ for k in kinds)}, got a {type(value).__name__}")
 
 
-class NoFormula(RefkinError):
-    """The formulas of a joint do what the numbers of a proof cannot."""
-
-    def __init__(self, what: str) -> None:
-        super().__init__(f"formulas of joints add, subtract, multiply, and take sines and cosines; here is {what}")
-
-
 class NotCalledFor(RefkinError):
     """An effect was asked of a system that was compiled without it."""
 

@@ -116,7 +116,13 @@ Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
 
 
 def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
-    """Return the best offer of each method with so many digits, the cheapest first; parameters as of `settings`."""
+    """Return the best offer of each method with so many digits, the cheapest first.
+
+    Parameters
+    ----------
+    rows, poses, quantity, digits
+        As for `settings`.
+    """
     best: dict[tuple[str, str], Offer] = {}
     for offer in settings(rows, poses, quantity, digits):
         best.setdefault(offer.name, offer)

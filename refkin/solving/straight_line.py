@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import NoFormula
+from refkin.proof.numbers.bounded import NoFormula
 from refkin.proof.numbers.symbols import Graph, Symbol, coordinates, needed, symbolic_system
 from refkin.system import System
 from refkin.vec import cosine_and_sine

@@ -14,10 +14,10 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
-from refkin.errors import NoFormula
 from refkin.joints import Constraint
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.proof.numbers.bounded import NoFormula
 from refkin.proof.path.blocks import dips
 from refkin.solving import ahead, passages
 from refkin.solving.sweep import Sweep

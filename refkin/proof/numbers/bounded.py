@@ -29,7 +29,7 @@ from typing import Any, Self, cast
 import numpy as np
 from flint import arb, ctx
 
-from refkin.errors import NoFormula
+from refkin.errors import RefkinError
 from refkin.joints import Unit
 from refkin.proof.numbers.exact import continued, exact, exact_system
 from refkin.system import System
@@ -42,6 +42,13 @@ TINY = 2.0**-900
 """More than all that is lost by underflow."""
 LAW_BITS = 160
 """Precision in which geometry and laws are computed before they are rounded."""
+
+
+class NoFormula(RefkinError):
+    """The formulas of a joint do what the numbers of a proof cannot."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"formulas of joints add, subtract, multiply, and take sines and cosines; here is {what}")
 
 
 class Bounded:
