@@ -91,12 +91,12 @@ def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
     known = (night / "run.json").is_file()
     if not known and night != LATEST:
         raise OtherRun(f"--night {night} holds no run")
-    worst = worst_of_night(night, best, seed_of(night, None)) if known else {}
+    worst, unread = worst_of_night(night, best, seed_of(night, None)) if known else ({}, 0)
     starts = drawn_again(worst)
-    others = len(worst) - len(starts)
-    left_out = f"; left out are {others} that this version draws otherwise" if others else ""
-    said = f"starting from {len(starts)} scenes of {night}{left_out}" if worst else "starting from no night"
-    print(said, file=sys.stderr)
+    left_out = {"that this version draws otherwise": len(worst) - len(starts), "whose records cannot be read": unread}
+    others = " and ".join(f"{count} {why}" for why, count in left_out.items() if count)
+    said = f"starting from {len(starts)} scenes of {night}" if known else "starting from no night"
+    print("; left out are ".join(filter(None, (said, others))), file=sys.stderr)
     return starts
 
 

@@ -278,8 +278,10 @@ def hunted(engines: Mapping[str, str]) -> dict[str, str]:
     return {name: best.called for name, (best, *_) in compared.items()}
 
 
-def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> dict[Start, str]:
+def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> tuple[dict[Start, str], int]:
     """Return the scenes of a night with the largest error / allowed, the worst of each target first, with their keys.
+
+    With them comes how many lines of its records cannot be read.
 
     Parameters
     ----------
@@ -292,7 +294,9 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
     """
     worst: dict[Target, list[tuple[float, int]]] = {}
     keys: dict[int, str] = {}
+    unread = 0
     for _, record in read_records(folder / "records.jsonl"):
+        unread += isinstance(record, Unreadable)
         if isinstance(record, Unreadable) or not isinstance(record.about.get("shard"), int):
             continue
         number = int(record.about["shard"] or 0)
@@ -302,7 +306,7 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
     ranked = [sorted(scenes, reverse=True) for scenes in worst.values()]
     in_turn = [place[1] for places in zip_longest(*ranked) for place in sorted(filter(None, places), reverse=True)]
     most = max(MOST_STARTS, len(worst))
-    return {(seed_of_night, number): keys[number] for number in list(dict.fromkeys(in_turn))[:most]}
+    return {(seed_of_night, number): keys[number] for number in list(dict.fromkeys(in_turn))[:most]}, unread
 
 
 def drawn_again(starts: Mapping[Start, str]) -> list[Start]:
