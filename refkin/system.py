@@ -98,7 +98,7 @@ class System:
 
     def nu(self, q: Any, t: Any) -> Any:
         """Return the velocity right side nu = -phi_t, (m,) or (m, B)."""
-        self._called_for(Effect.VELOCITY, Effect.ACCELERATION)
+        self._called_for(Effect.VELOCITY)
         q = np.asarray(q)
         return _stack(self.rows(self._values(q), t, 1, lambda c: c.nu), self.m, q, t)
 
@@ -163,9 +163,9 @@ class System:
         for p in self.placed:
             yield from formula(p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
 
-    def _called_for(self, *effects: Effect) -> None:
-        if not self.effects.intersection(effects):
-            raise NotCalledFor(effects[0], frozenset(self.effects))
+    def _called_for(self, effect: Effect) -> None:
+        if effect not in self.effects:
+            raise NotCalledFor(effect, self.effects)
 
 
 def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING, unit: Unit = SI) -> System:
@@ -177,12 +177,13 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
         Rows come in the order of joints, drivers, then what bodies bring; columns in that of bodies, then of joints
         with parameters.
     effects : frozenset of Effect
-        What may be asked beyond phi and phi_q.
+        What may be asked beyond phi and phi_q; who asks for accelerations has velocities.
     unit : Unit
         Length and origin of the coordinates: metres by default; `mechanism.unit()` for those every solve runs in.
     """
     expect("mechanism", mechanism, Mechanism)
     kind, bodies = mechanism.kind, mechanism.bodies
+    effects |= {Effect.VELOCITY} if Effect.ACCELERATION in effects else set()
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
     placed, owners = list[ConstraintRows](), dict[str, range]()
     row, n = 0, kind.width * len(bodies)

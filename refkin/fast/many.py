@@ -159,8 +159,7 @@ def solve_many(
 
 def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> tuple[Family, Compiled]:
     """Return the family, reduced to what the wanted bodies depend on, and what is compiled of it."""
-    implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
-    system = compile_system(scene.mechanism, scene.effects | implied)
+    system = compile_system(scene.mechanism, scene.effects)
     if system.kind is not PLANE:
         raise RefkinError(
             f"{scene.name} is {system.kind.name}: `solve_many` takes planar families, `sweep` either kind"

@@ -13,7 +13,7 @@ from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.program import Program
 from refkin.fast.residual import without_zeros
 from refkin.joints import GROUND
-from refkin.model import Effect, Evidence, Mechanism, Scene
+from refkin.model import Evidence, Mechanism, Scene
 from refkin.motion import Status
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.preconditioned import independent_rows
@@ -66,8 +66,7 @@ class Prepared:
 
 def prepared(scene: Scene) -> Prepared | None:
     """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
-    effects = scene.effects | ({Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set())
-    system = compile_system(scene.mechanism, effects, scene.mechanism.unit())
+    system = compile_system(scene.mechanism, scene.effects, scene.mechanism.unit())
     start: Start | None = None
     rows: Any = range(system.n)
     if system.m != system.n:
@@ -81,7 +80,7 @@ def prepared(scene: Scene) -> Prepared | None:
     mechanism = scene.mechanism if start else upstream(scene, system, made)
     if mechanism is scene.mechanism:
         return Prepared(scene, system, made, start)
-    reduced = compile_system(mechanism, effects, system.unit)
+    reduced = compile_system(mechanism, system.effects, system.unit)
     made = compiled(reduced, range(reduced.n), [p.g for p in reduced.placed])
     assert made is not None  # the part is solved by the same blocks as the whole
     return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)

@@ -56,8 +56,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
 
 def _solved(scene: Scene, certified: bool) -> SceneMotion:
-    implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
-    system = StraightLineSystem.of(compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit()))
+    system = StraightLineSystem.of(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()))
     assembled = cache(lambda t: assemblies(system, t, trying=False))
     q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)
     answer = _Answer(system, scene, q, status, message)
