@@ -32,7 +32,11 @@ def compare(scene: Any, engines: Sequence[str] | None = None, show: bool = True)
     from crosscheck.judge.records import plain
     from crosscheck.measure.check import check
     from crosscheck.scenes.names import PEERS
+    from refkin.errors import expect
+    from refkin.model import Scene
 
+    expect("scene", scene, Scene)
+    expect("engines", engines, list, tuple, type(None))
     record = check(scene, PEERS if engines is None else engines)
     if show:
         out = console(140)

@@ -3,9 +3,10 @@
 import gc
 import os
 import signal
+import sys
 from typing import NoReturn
 
-from crosscheck.errors import Terminated
+from crosscheck.errors import INTERRUPTED, Terminated
 
 SIGNALS = ("SIGTERM", "SIGHUP")
 """By which a batch system, and a terminal that is closed, end a process; Windows has no second one."""
@@ -19,7 +20,10 @@ def main() -> None:
     """
     gc.set_threshold(10_000)
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    from crosscheck.cli import main as command_line
+    try:
+        from crosscheck.cli import main as command_line
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
 
     for number in (getattr(signal, name, None) for name in SIGNALS):
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # `nohup` has one ignored

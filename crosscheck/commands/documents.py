@@ -13,7 +13,7 @@ from rich.console import Console
 from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
 from crosscheck.documents.ledger import ledger_rows, read
 from crosscheck.documents.ledger.page import closing, digits_told, tally
-from crosscheck.errors import DISAGREEMENT, PASS, UsageError
+from crosscheck.errors import DISAGREEMENT, PASS, UsageError, quoted
 from crosscheck.problems import SHA256, VERSION
 from crosscheck.problems.export import export
 from crosscheck.problems.grader import LEVELS, grade_all
@@ -85,6 +85,9 @@ def write_set(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
     """
     positive("processes", processes)
     asked = list(drafts(only))
+    if not asked:
+        families = ", ".join(sorted({draft.family for draft in drafts("")}))
+        raise UsageError(f"--only: expected a part of the name of a family, got {quoted(only)}; there are: {families}")
     with shown_progress(len(asked), noun="problems") as show:
         digest = export(folder, asked, processes, lambda done, of: show(done, "proving"))
     count = len(json.loads((folder / "problems.json").read_text(encoding="utf-8"))["problems"])
@@ -111,7 +114,7 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
         index = json.loads((problems / "problems.json").read_text(encoding="utf-8"))["problems"]
     except OSError as error:
         raise UsageError(f"{error.filename}: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{answers}: not answers to the problems of {problems}: {error}") from error
     if as_json:
         print(json.dumps(scores_of))

@@ -49,7 +49,7 @@ def draw(
     if time is not None and not np.isfinite(time):
         raise UsageError(f"--time: expected a finite number [s], got {time}")
     file = out or Path(f"{scene.stem}.svg")
-    writable("out", file)
+    writable("out", file, scene)
     with _one_line(), naming(file):
         effects = frozenset(Effect) if acceleration else frozenset({Effect.VELOCITY} if velocity else ())
         picture = _drawable(load(scene), effects).plot(time, velocity=velocity, acceleration=acceleration)
@@ -73,7 +73,7 @@ def animate(scene: SceneFile, *, out: Path | None = None, seconds: float = 4.0) 
     """
     positive("seconds", seconds)
     file = out or Path(f"{scene.stem}-moving.svg")
-    writable("out", file)
+    writable("out", file, scene)
     with _one_line(), naming(file):
         picture = _drawable(load(scene), frozenset()).animate(seconds)
         picture.save(file)

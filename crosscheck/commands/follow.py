@@ -127,7 +127,7 @@ def print_path(
         Write the poses to this file, one row per pose, instead of printing their table.
     """
     read = load(scene)
-    writable("csv", csv)
+    writable("csv", csv, scene)
     positive("most-points", most_points)
     if until is not None and not -np.inf < min(until) < max(until) < np.inf:
         raise UsageError(f"--until: expected two different finite values, got {until[0]} and {until[1]}")

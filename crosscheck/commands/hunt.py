@@ -23,7 +23,7 @@ from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplai
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
 from crosscheck.night.hunting import CERTIFICATE, Bag, Start, drawn_again, hunt, hunted, worst_of_night
-from crosscheck.night.plan import ALWAYS, write_scene
+from crosscheck.night.plan import ALWAYS, taken, write_scene
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
 from crosscheck.scenes.names import called
@@ -58,7 +58,8 @@ def hunt_worst(
     engines
         Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
     out
-        The folder for the worst scene of each target and of each kind of disagreement, as scene files to replay.
+        The folder for the worst scene of each target and of each kind of disagreement, as scene files to replay; those
+        of an earlier hunt stay, and new ones of the same name have a number.
     night
         The folder of a night, from whose worst scenes to start, if there is one.
     scene_seconds
@@ -74,13 +75,14 @@ def hunt_worst(
     specs = {name: spec for name, (spec, _) in installed.items()}
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
     bag, starts = Bag(), _starts(night, hunted(specs))
-    try:
-        with shown_progress(None, minutes) as show:
-            worst = lambda bag: show(bag.scenes, f"hunting, worst {bag.worst:.3g}")  # noqa: E731
-            hunt(specs, 60.0 * minutes, today, scene_seconds=scene_seconds, starts=starts, bag=bag, progress=worst)
-    finally:  # also when it is interrupted: what was caught is kept
-        _write_bag(bag, out, names(engines, always=()))
-        _print_bag(bag, out)
+    with taken(out):
+        try:
+            with shown_progress(None, minutes) as show:
+                worst = lambda bag: show(bag.scenes, f"hunting, worst {bag.worst:.3g}")  # noqa: E731
+                hunt(specs, 60.0 * minutes, today, scene_seconds=scene_seconds, starts=starts, bag=bag, progress=worst)
+        finally:  # also when it is interrupted: what was caught is kept
+            _write_bag(bag, out, names(engines, always=()))
+            _print_bag(bag, out)
     if bag.failures:
         return INFRASTRUCTURE
     return DISAGREEMENT if bag.blames else PASS
@@ -101,14 +103,19 @@ def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:
 
 
 def _write_bag(bag: Bag, out: Path, engines: Sequence[str]) -> None:
-    out.mkdir(parents=True, exist_ok=True)
     for name, catch in bag.catches.items():
         unit = LEAST_ERRORS if name[2] == CERTIFICATE else "times the allowed error"
         about = f"{' '.join(name)}: {catch.ratio:.3g} {unit}, the worst of {bag.scenes} scenes"
-        write_scene(out / f"{slug(*name)}.toml", [about], catch.scene, engines, expected=catch.expected)
+        write_scene(_free(out, slug(*name)), [about], catch.scene, engines, expected=catch.expected)
     for signature, blame in bag.blames.items():
         about = told(blame.record, blame.disagreement)
-        write_scene(out / f"{slug(*signature)}.toml", [about], blame.scene, engines, expected=blame.expected)
+        write_scene(_free(out, slug(*signature)), [about], blame.scene, engines, expected=blame.expected)
+
+
+def _free(out: Path, name: str) -> Path:
+    """Return a file of that name, with a number where an earlier hunt has left one, which may be a worse scene."""
+    numbers = ("", *(f"-{k}" for k in range(2, 2 + len(list(out.glob(f"{name}*"))))))
+    return next(path for number in numbers if not (path := out / f"{name}{number}.toml").exists())
 
 
 def _print_bag(bag: Bag, out: Path) -> None:

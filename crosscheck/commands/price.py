@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from rich.table import Table
 
@@ -67,7 +67,7 @@ def price(
         What an earlier run printed of this scene with --json: measure anew, and say how often the cheapest method is
         the same, where it is ahead of the second by more than the spread both times.
     """
-    writable("page", page)
+    writable("page", page, scene, again)
     ours = [name for name in PRICED if name in OURS]
     asked, subject = (*ours, *names(engines, always=())), load(scene)
     before = None if again is None else _earlier(again, subject, asked)
@@ -78,27 +78,30 @@ def price(
     except NoTruth as error:
         print(error, file=sys.stderr)
         return DISAGREEMENT
-    result = to_json(prices, asked)
-    if page is not None:
-        with naming(page):
-            page.write_text(page_of(result), encoding="utf-8")
+    result, same = to_json(prices, asked), True
     if before is not None:
-        return PASS if print_repeated(before, result, as_json) else DISAGREEMENT
-    if as_json:
+        same = print_repeated(before, result, as_json)
+    elif as_json:
         print(json.dumps(result, allow_nan=False))
     else:
         print_list(result)
-    return PASS
+    if page is not None:
+        with naming(page):
+            page.write_text(page_of(result), encoding="utf-8")
+    return PASS if same else DISAGREEMENT
 
 
 @dataclass(frozen=True)
 class _Earlier:
     """Of what `crosscheck price --json` prints: which scene it is of, who was asked, and what that found."""
 
+    schema: Literal[3]
     scene: str
     key: str
     engines: list[str]
     rows: list[PriceRow]
+    cheapest: Cheapest
+    cheapest_engine: Cheapest
 
 
 def _earlier(file: Path, scene: Scene, asked: Sequence[str]) -> dict[str, Cheapest]:
@@ -116,7 +119,10 @@ def _earlier(file: Path, scene: Scene, asked: Sequence[str]) -> dict[str, Cheape
         )
     if earlier.engines != (now := _called(asked)):
         raise UsageError(f"--again {file}: expected a price list of {', '.join(now)}, got {', '.join(earlier.engines)}")
-    return winners(list(map(asdict, earlier.rows)))
+    found = winners(list(map(asdict, earlier.rows)))
+    if found != {"cheapest": earlier.cheapest, "cheapest_engine": earlier.cheapest_engine}:
+        raise UsageError(f"--again {file}: expected the winners that its rows have, got others: it was changed by hand")
+    return found
 
 
 def _called(asked: Sequence[str]) -> list[str]:

@@ -35,7 +35,7 @@ def solve(scene: SceneFile, *, as_json: Json = False, csv: Path | None = None) -
         Write all that the scene calls for to this file, one row per time, instead of printing a table.
     """
     read = load(scene)
-    writable("csv", csv)
+    writable("csv", csv, scene)
     seconds = expected_seconds(read)
     if seconds > LONG:
         print(f"{len(read.times)} times: this takes about {seconds:.0f} s", file=sys.stderr, flush=True)

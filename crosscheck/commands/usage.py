@@ -34,7 +34,7 @@ def _whole(_: Any, tokens: Sequence[Any]) -> int:
 Whole = Annotated[int, Parameter(converter=_whole)]
 SceneFile = Annotated[Path, Parameter(help="A scene file (TOML, or JSON if it ends in .json).")]
 Names = Annotated[str, Parameter(help="Names of engines, separated by commas, or `file.py:Class`.")]
-Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON object instead.")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON instead.")]
 
 
 def positive(key: str, value: float | None) -> None:
@@ -43,10 +43,19 @@ def positive(key: str, value: float | None) -> None:
         raise UsageError(f"--{key}: expected a number above 0, got {value}")
 
 
-def writable(key: str, file: Path | None) -> None:
-    """Refuse a file that cannot be written, before anything is computed for it; None was not given."""
-    if file is not None and ("\0" in str(file) or file.is_dir() or not file.absolute().parent.is_dir()):
+def writable(key: str, file: Path | None, *read: Path | None) -> None:
+    """Refuse a file that cannot be written, or that is read itself, before anything is computed for it.
+
+    None was not given.
+    """
+    if file is None:
+        return
+    if "\0" in str(file) or file.is_dir() or not file.absolute().parent.is_dir():
         raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
+    if not os.access(file if file.exists() else file.absolute().parent, os.W_OK):
+        raise UsageError(f"--{key}: expected a file that can be written, got {file}")
+    if any(other is not None and file.exists() and other.exists() and file.samefile(other) for other in read):
+        raise UsageError(f"--{key}: expected another file than the one that is read, got {file}")
 
 
 def writable_folder(key: str, folder: Path) -> None:

@@ -120,10 +120,16 @@ FILES = (
 
 
 def refuse_others(out: Path) -> None:
-    """Raise OtherRun if something else stands where a night writes a file: what is read from a pipe never ends."""
+    """Raise OtherRun if something else stands where a night writes a file: what is read from a pipe never ends.
+
+    So it does where no night has written what is there.
+    """
     for path in (out / name for name in FILES):
         if path.exists() and not path.is_file():
             raise OtherRun(f"{path}: expected a file, got a folder, a pipe or a device: choose another folder")
+    others = [name for name in FILES if (out / name).exists()]
+    if others and not {"run.json", "records.jsonl", OUTCOME} & {*others}:
+        raise OtherRun(f"--out {out} holds {', '.join(others)} that no night has written: choose another folder")
 
 
 def make_room(out: Path) -> None:

@@ -44,7 +44,7 @@ def taken(folder: Path) -> Iterator[None]:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise Occupied(f"another night is writing to {folder}") from error
+                raise Occupied(f"another night or hunt is writing to {folder}") from error
         yield
 
 

@@ -21,13 +21,16 @@ from pathlib import Path
 from typing import Any
 
 TURN, MOST = Decimal("6.2831853071795864769252867665590057683943387987502116"), Decimal(30)
+FAR = 400
+"""Powers of ten beyond which a number is as good as none."""
 LEVELS = {"q": "position", "qd": "velocity", "qdd": "acceleration"}
 
 
 def side(given: Any, right: Any) -> int:
     """Return which of p and -p, one pose of a body of space, was given; of the plane 1."""
     pairs = zip(given[3:], right[3:], strict=True) if None not in given else ()
-    return -1 if sum(Decimal(str(x)) * Decimal(c) for x, c in pairs) < 0 else 1
+    numbers = [(Decimal(str(x)), Decimal(c)) for x, c in pairs]
+    return -1 if sum(x * c for x, c in numbers if x.is_finite() and x.adjusted() <= FAR) < 0 else 1
 
 
 def _distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
@@ -38,7 +41,7 @@ def _distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal
         sign = side(given[body]["q"][k], (right if level == "q" else truth["q"][k])[own])
         for x, c, unit in zip(given[body][level][k], right[own], units, strict=True):
             value = Decimal("nan" if x is None else str(x))
-            if not value.is_finite():
+            if not value.is_finite() or value.adjusted() > FAR:
                 return Decimal("inf")
             off = value * (sign if unit == "Euler parameter" else 1) - Decimal(c)
             if unit == "angle" and level == "q":
@@ -109,7 +112,7 @@ def grade_all(answers: Any, folder: Path) -> Iterator[tuple[str, dict[str, Any]]
     texts = {p["name"]: (folder / p["name"] / "certified.json").read_bytes() for p in index["problems"]}
     if sha256(b"".join(sha256(text).digest() for text in texts.values())).hexdigest() != index["sha256"]:
         raise ValueError(f"{folder}: the certified answers are not those of this set")
-    problems = table(table(answers, "the answers").get("problems"), "problems")
+    problems = table(table(answers, "the answers").get("problems", "missing"), "problems")
     if unknown := set(problems) - set(texts):
         raise ValueError(f"no such problems: {', '.join(sorted(unknown))}")
     for name in sorted(problems, key=list(texts).index):
@@ -122,7 +125,7 @@ if __name__ == "__main__":
     try:
         given = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"), parse_float=str)
         graded = list(grade_all(given, here))
-    except (IndexError, KeyError, OSError, ValueError) as error:
+    except (IndexError, KeyError, OSError, RecursionError, ValueError) as error:
         sys.exit(f"usage: grade.py ANSWERS.json [FOLDER]: {type(error).__name__}: {error}")
     for name, scores in graded:
         refused += "refused" in scores

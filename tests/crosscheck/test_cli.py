@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import crosscheck as crosscheck_library
 import refkin
 from crosscheck import __main__
 from crosscheck.cli import COMMANDS, app
@@ -28,6 +29,7 @@ from crosscheck.commands.usage import shown_progress
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.errors import Terminated
 from crosscheck.night.plan import SAMPLED
+from refkin.scenes.files import load as load_scene
 from refkin.scenes.files import to_toml
 from refkin.solving.limits import expected_seconds
 
@@ -169,7 +171,7 @@ def test_a_night_has_its_folder_until_its_report_is_written(tmp_path, monkeypatc
     first = command(*asked)
 
     assert (first.returncode, second[0].returncode, second[0].stderr.count("\n")) == (0, 2, 1)
-    assert f"another night is writing to {tmp_path}" in second[0].stderr
+    assert f"another night or hunt is writing to {tmp_path}" in second[0].stderr
 
 
 def test_a_required_engine_need_not_be_among_the_engines_to_be_run(tmp_path, nightly):
@@ -446,6 +448,50 @@ def test_a_full_disk_is_told_with_the_file_that_was_written(arguments, command, 
 
     assert process.returncode == 4
     assert process.stderr.splitlines()[-1] == f"{full}: No space left on device"
+
+
+@pytest.mark.parametrize(
+    "arguments", [("solve", "--csv"), ("follow", "--csv"), ("draw", "--out"), ("animate", "--out"), ("price", "--page")]
+)
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_scene_is_not_written_over_by_what_is_made_of_it(arguments, linked, command, tmp_path):
+    """`solve slider.toml --csv slider.toml` left the table, and no scene; so did a link to it."""
+    (scene := tmp_path / "scene.toml").write_bytes(GOOD.read_bytes())
+    (link := tmp_path / "link.toml").symlink_to(scene)
+    asked, option = arguments
+    process = command(asked, scene, option, link if linked else scene)
+
+    assert (process.returncode, process.stdout) == (2, "")
+    assert f"{option}: expected another file than the one that is read, got {tmp_path}" in process.stderr
+    assert scene.read_bytes() == GOOD.read_bytes()
+
+
+def test_ctrl_c_while_commands_are_loaded_leaves_no_traceback(monkeypatch):
+    class Loading:
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "crosscheck.cli", Loading())
+    with pytest.raises(SystemExit) as ended:
+        __main__.main()
+
+    assert ended.value.code == 130
+
+
+def test_what_no_night_has_written_is_not_written_over(tmp_path, nightly):
+    (page := tmp_path / "index.html").write_text("somebody's own", encoding="utf-8")
+    process = nightly(tmp_path, "--engines", "closed_form", scenes=1)
+
+    assert (process.returncode, process.stderr.count("\n")) == (2, 1)
+    assert "holds index.html that no night has written: choose another folder" in process.stderr
+    assert page.read_text(encoding="utf-8") == "somebody's own"
+
+
+def test_a_program_that_asks_for_no_scene_or_for_engines_by_one_string_is_told_what_was_expected():
+    with pytest.raises(TypeError, match="scene: expected a Scene, got a NoneType"):
+        crosscheck_library.compare(None)
+    with pytest.raises(TypeError, match="engines: expected a list or tuple or NoneType, got a str"):
+        crosscheck_library.compare(load_scene(GOOD), engines="mujoco")
 
 
 def test_an_answer_is_written_as_a_table(tmp_path, command):

@@ -270,6 +270,16 @@ def test_a_distance_from_the_certificate_is_no_error_and_nobody_is_blamed_for_it
     assert len(files) == 2
 
 
+def test_a_hunt_leaves_what_an_earlier_one_has_caught(tmp_path, hunt_of):
+    """A short one replaced a scene of 0.244 by one of 0.0992, without a word."""
+    for ratio in (0.3, 0.2, 0.1):
+        hunt_of(Pool(False, ratio))
+    names = ("mujoco-newton-position", "mujoco-newton-position-2", "mujoco-newton-position-3")
+
+    for name, ratio in zip(names, (0.3, 0.2, 0.1), strict=True):
+        assert f"position: {ratio} times" in (tmp_path / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def test_how_far_a_hunt_is_it_says_in_errors_alone():
     catches = {("e", "m", name): Catch(ratio, SCENE, "", 1) for name, ratio in (("position", 0.5), (CERTIFICATE, 18.5))}
 

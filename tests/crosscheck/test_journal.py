@@ -118,7 +118,7 @@ def test_the_folder_of_a_killed_night_is_free_again(tmp_path):
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None
         holder.stdout.readline()
-        with pytest.raises(Occupied, match=r"another night is writing to .*run"), taken(tmp_path / "run"):
+        with pytest.raises(Occupied, match=r"another night or hunt is writing to .*run"), taken(tmp_path / "run"):
             pass
         holder.send_signal(signal.SIGKILL)
         holder.wait()

@@ -222,6 +222,27 @@ def test_a_file_that_holds_no_answers_is_refused_in_a_sentence(folder, tmp_path,
         assert "Traceback" not in said
 
 
+def test_a_file_of_lists_in_lists_and_numbers_beyond_all_bounds_are_no_tracebacks(folder, tmp_path, capsys):
+    (file := tmp_path / "answers.json").write_text("[" * 100_000)
+    for said in refused(folder, file, capsys):
+        assert "Traceback" not in said
+        assert "itself" not in said
+
+    right = truth(folder, name := "four-bars-01-open")
+    answer = as_answer(right, right["q"])
+    answer["bodies"]["rocker"]["q"][1][0] = "1e999999999"
+    assert scores(graded(folder, {name: answer}, tmp_path)[1][0]) == {"position": 0.0}
+
+
+def test_a_family_that_is_not_there_is_told_with_those_that_are(tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["problems", "export", str(tmp_path / "set"), "--only", "zzz"])
+
+    assert end.value.code == 2
+    assert "--only: expected a part of the name of a family, got 'zzz'; there are: " in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
 @pytest.mark.parametrize("rows", NO_ROWS)
 def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, capsys, rows):
     right = truth(folder, name := "four-bars-01-open")

@@ -400,3 +400,5 @@ def test_times_without_a_law_are_those_of_a_constant_speed(linkage):
         linkage.scene(times=())
     with pytest.raises(refkin.InvalidScene, match=r"times: expected one time \[s\] or more"):
         linkage.scene(law=driver.laws[0])
+    with pytest.raises(refkin.InvalidScene, match=r"law: expected a motion law, as Polynomial, got 5"):
+        linkage.scene(law=5, times=(0.0,))

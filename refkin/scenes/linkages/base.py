@@ -373,7 +373,8 @@ def law_and_times(
         ("samples", samples, given or (isinstance(samples, int) and samples > 1), "a whole number above 1"),
     )
     faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits] if law is None else []
-    faults += law.faults("law") if law is not None else []
+    if law is not None:
+        faults += law.faults("law") if hasattr(law, "faults") else [Fault("law", law, "a motion law, as Polynomial")]
     if given == [] or (given is None and law is not None):
         faults.append(Fault("times", times, "one time [s] or more"))
     if faults:
