@@ -136,7 +136,8 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", tuple(self.times))  # a row of numbers will do
+        for name, kind in (("times", tuple), ("effects", frozenset), ("evidence", frozenset)):  # a row, a list will do
+            object.__setattr__(self, name, kind(getattr(self, name)))
         if faults := list(scene_faults(self)):
             raise InvalidScene(faults, self.name)
 

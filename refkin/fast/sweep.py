@@ -26,6 +26,7 @@ from refkin.fast.elimination.program import Single, StepAnswer
 from refkin.fast.elimination.run import Workspace, block_samples
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose
 from refkin.fast.prepare import Prepared, prepared
+from refkin.joints import SPACE
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
@@ -44,6 +45,8 @@ QUARTERINGS = 4
 """How often the step between marched poses is quartered for the samples between them."""
 MOST_EXTREMA = 500
 """Extrema of laws from the first time to the last beyond which it is left to the reference what to do about them."""
+FEWEST = 128
+"""Times below which redundant rows of space are left to the reference: to prove long steps takes as long."""
 MOST_AT_FIRST = 12
 """Newton steps from an estimate."""
 NEAR = 8.0
@@ -80,12 +83,15 @@ class _Task:
         self.ready = ready
         self.scene, self.system, self.made, self.first = ready.scene, ready.system, ready.made, ready.start
         self.t, self.laws, self.extrema = ready.t, ready.laws, ready.extrema
+        self.redundant = self.system.m > self.system.n
         self.geometry = [p.g for p in self.system.placed]
         self.march = March(self.made.march, ready.u, self._laws_at, self._profile, self._extrema)
         self.message = ""
 
     def motion(self) -> Motion | None:
         """Return the answer at all times; None if any is in doubt."""
+        if self.redundant and self.system.kind is SPACE and 1 < len(self.t) < FEWEST:
+            return None
         start = self._start() if len(self.extrema) < MOST_EXTREMA else None
         if start is None:
             return None
@@ -105,11 +111,12 @@ class _Task:
 
         A long one is proved from marched pose to marched pose: to find the poses between is what a proof costs most. Of
         a single loop determinants are not looked at again: beyond a gap the march's prediction, which is so near, leads
-        to the other assembly, with the other sign.
+        to the other assembly, with the other sign. Where rows are redundant all steps are proved: the determinant of
+        those that are solved may have a factor of its own, which changes its sign at the same place.
         """
         # Where there are two, one may move another: it is seen at the marched poses, too.
         loops, t = 2 if len(self.march.signs) > 1 else 0, self.t
-        if not loops and not unseen(self.system, t, q, loops=0):
+        if not (loops or self.redundant) and not unseen(self.system, t, q, loops=0):
             return True
         known = set(self.scene.times)
         between = [p for p in poses if p.t not in known]
@@ -117,8 +124,10 @@ class _Task:
         t = np.append(t, [p.t for p in between])
         q, order = np.column_stack([q, *whole]), np.argsort(t)
         t, q = t[order], q[:, order]
-        steps = unseen(self.system, t, q, loops=loops, between=partial(pose_between, proving=False))
-        return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
+        nearer = partial(pose_between, proving=False)
+        steps = None if self.redundant else unseen(self.system, t, q, loops=loops, between=nearer)
+        full = replace(self.system, effects=EVERYTHING)
+        return steps == [] or first_unproved(full, t, q, pose_between, steps) is None
 
     def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> StepAnswer:
         """Return what at most so many steps of Newton make of core coordinates, number by number."""

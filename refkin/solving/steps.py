@@ -32,6 +32,9 @@ FIRST = 0.1
 The last pose then is the estimate, from which Newton contracts at once: so it does for every smaller change of one law,
 and a law that does not turn back takes no other values on the way.
 """
+LEFT = 1e-10
+"""Corrections above it contract one after the other in a first step: the first of them may be that of a large body,
+which hides what a small loop does, as a link of a millimetre on a crank of a metre [sizes, rad]."""
 SPREAD = 1 / 64
 """Poses that lie closer together than this part of the next step would only add their rounding to its prediction."""
 LEAST = 2.0**-500
@@ -135,6 +138,8 @@ class Steps:
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
         turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=self.driven(self.t[-1], t))
         unled = len(self._before(t)) == 1
+        if unled and not all(contracts(sizes[k:], LEFT) for k in range(1, len(sizes) - 1)):
+            return False
         if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
             return False
         same, determinant = self._sides(result.q, t)

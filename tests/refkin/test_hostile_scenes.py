@@ -14,7 +14,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
-from refkin.joints import Constraint
+from refkin.joints import Constraint, Distance, Prismatic
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.numbers.bounded import NoFormula
@@ -531,6 +531,45 @@ def test_a_joint_of_ones_own_is_not_taken_to_say_the_same_in_every_turn(solver):
 
     motion = solver(Scene(mechanism=mechanism, times=(0.0, 60.0 * math.tau)))
     assert (motion.status[0], motion.status[1] is OK) == (OK, False)
+
+
+def test_what_a_scene_calls_for_may_be_a_set_or_a_list():
+    """A set ended in a TypeError of hashes, deep in the certificate."""
+    four = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+    for kind in (set, list):
+        asked = replace(four, effects=kind(four.effects), evidence=kind(four.evidence))
+        assert (asked, refkin.solve(asked).verdict) == (four, OK)
+
+
+SMALL_LOOPS = [
+    (0.0002283203333420593, 1.540633083265168, 1.6068197442891348, 0.9995755780405677, (0.0, 1.0)),
+    (0.0005034285441026853, 1.5271845017882777, 1.6102086060713974, 0.9993554909665562, (0.0, 1.0)),
+    (0.0007595629963331041, 1.5217963267948966, 1.6184366359950144, 0.9989600207346894, (0.0, 1.0)),
+    (0.0004076491025198057, 1.5338740602497982, 1.6105031936466832, 0.9995627904712945, (0.0, 0.9399879068391092, 1.0)),
+]
+
+
+@EVERY_WAY
+@pytest.mark.parametrize(("link", "start", "end", "height", "times"), SMALL_LOOPS)
+def test_a_small_loop_does_not_leap_over_a_gap_in_the_first_step_of_a_large_crank(
+    solver, link, start, end, height, times
+):
+    """Half way the link of a millimetre is too short for its slider by a third: Newton's second correction was small
+    against the first, which is that of a crank of a metre.
+    """
+    off = (math.sin(start) - height) / link
+    at = {"body_i": "ground", "body_j": "wheel", "point_j": (0.0, 0.0)}
+    slider = (math.cos(start) + link * math.sqrt(1.0 - off * off), height, 0.0)
+    joints = (
+        Revolute(name="O", point_i=(0.0, 0.0), **at),
+        Distance(name="l", body_i="wheel", point_i=(1.0, 0.0), body_j="s", point_j=(0.0, 0.0), length=link),
+        Prismatic(name="g", body_i="ground", point_i=(0.0, height), axis_i=(1.0, 0.0), body_j="s", point_j=(0.0, 0.0)),
+    )
+    bodies = (Body(name="wheel", estimate=(0.0, 0.0, start)), Body(name="s", estimate=slider))
+    motor = AngleDriver(name="m", body="wheel", law=Polynomial(coefficients=(start, end - start)))
+
+    assert max((math.sin(x) - height) / link for x in np.linspace(start, end, 99)) > 1.02
+    assert solver(Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=times)).status[-1] is not OK
 
 
 @dataclass(frozen=True, kw_only=True)
