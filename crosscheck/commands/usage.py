@@ -46,7 +46,12 @@ def positive(key: str, value: float | None) -> None:
 def writable(key: str, file: Path | None, *read: Path | None) -> None:
     """Refuse a file that cannot be written, or that is read itself, before anything is computed for it.
 
-    None was not given.
+    Parameters
+    ----------
+    key, file : str, Path
+        The option, and its file; None was not given.
+    *read : Path
+        What the command reads.
     """
     if file is None:
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +31,7 @@ class Prepared:
 
     scene: Scene
     system: System
-    made: Compiled
+    made: Compiled = field(repr=False)  # expressions are written as trees, which grow without bounds
     start: Start | None = None
 
     @cached_property

@@ -170,3 +170,12 @@ def test_a_point_reports_the_levels_called_for_and_no_other(level):
     point = refkin.solve(replace(WHOLE, effects=LEVELS[level])).points["P"]
 
     assert (point.v is not None, point.a is not None) == (level == "velocity", level == "acceleration")
+
+
+def test_velocities_are_there_for_who_asks_for_accelerations():
+    """They are what accelerations are made of."""
+    mechanism = ROCKER.scene(samples=2).mechanism
+    system = refkin.compile_system(mechanism, frozenset({Effect.ACCELERATION}))
+
+    assert system.effects == {Effect.VELOCITY, Effect.ACCELERATION}
+    assert system.nu(np.zeros(system.n), 0.0).shape == (system.m,)

@@ -106,8 +106,7 @@ class Symbol:
             return f"{self.value:g}"
         if self.op == "input":
             return f"{self.value.kind}{list(self.value.place)}"
-        # not whole: what many nodes share would be written once for each of them
-        return f"{self.op}({', '.join(f'{a.op}(...)' if a.args else repr(a) for a in self.args)})"
+        return f"{self.op}({', '.join(map(repr, self.args))})"
 
 
 class Graph:
