@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,10 @@ The last pose then is the estimate, from which Newton contracts at once: so it d
 and a law that does not turn back takes no other values on the way.
 """
 LEFT = 1e-10
-"""Corrections above it contract one after the other in a first step: the first of them may be that of a large body,
+"""Down to it corrections contract one after the other in a first step: the first of them may be that of a large body,
 which hides what a small loop does, as a link of a millimetre on a crank of a metre [sizes, rad]."""
+STEEP = 4.0
+"""How many times the radius of curvature that Newton's later corrections tell of a first step may go."""
 SPREAD = 1 / 64
 """Poses that lie closer together than this part of the next step would only add their rounding to its prediction."""
 LEAST = 2.0**-500
@@ -138,7 +141,7 @@ class Steps:
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
         turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=self.driven(self.t[-1], t))
         unled = len(self._before(t)) == 1
-        if unled and not all(contracts(sizes[k:], LEFT) for k in range(1, len(sizes) - 1)):
+        if unled and self._small_loop(sizes.tolist()):
             return False
         if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
             return False
@@ -151,6 +154,16 @@ class Steps:
             return True
         sigma = sigma_min(self.system.phi_q(result.q, t))
         return bool(sigma > SINGULAR and (decided or max(off, sizes[0]) <= sigma / APART))
+
+    def _small_loop(self, sizes: list[float]) -> bool:
+        """Whether Newton's corrections tell of a loop that is small against a step that has no prediction.
+
+        The second one leaves K times the square of its size, the next as well: with 1 / K about the size of the loop.
+        """
+        return any(
+            not contracts((one, other), LEFT) or (one > self.tiny and sizes[0] * other > STEEP * one * one)
+            for one, other in pairwise(sizes[1:])
+        )
 
     def driven(self, a: Any, b: Any) -> Any:
         """Return the furthest that a driver turns a joint of space from times a to b [rad]: poses count no turns there.
