@@ -27,7 +27,7 @@ from crosscheck.engines.spatial.tree import absolute_tree
 from crosscheck.engines.spatial.turning import about_z, joint_frame, parameters
 from crosscheck.measure.check import check
 from refkin import Body, Mechanism, Scene, Status, joints
-from refkin.fast import attempt
+from refkin.fast import attempt, sweep
 from refkin.joints import AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, TurnAboutAxis
 from refkin.motion_laws import Polynomial
 from refkin.output.drawing import Drawing
@@ -232,7 +232,9 @@ def test_a_drawn_joint_in_a_drawn_order_does_the_same_and_is_fast_drawn_and_read
     own = int(joints.ScrewMotion in elements)
     assert count(scene.mechanism).mobility == 12 - 5 - sum(e.rows for e in elements) + own - rods
     assert np.max(motion.certified_radius.position) < 1e-12
-    assert np.allclose(attempt(replace(scene, evidence=frozenset())).q, motion.q, rtol=0, atol=1e-13)
+    system = refkin.compile_system(scene.mechanism)
+    fast = attempt if system.m == system.n else sweep  # redundant rows are left to the reference at few times
+    assert np.allclose(fast(replace(scene, evidence=frozenset())).q, motion.q, rtol=0, atol=1e-13)
     assert Drawing(scene, motion).parts
     monkeypatch.setattr("refkin.joints.SPATIAL_JOINT_TYPES", (*joints.SPATIAL_JOINT_TYPES, joint_of(elements)))
     importlib.reload(keys)

@@ -180,13 +180,13 @@ def test_the_worst_of_a_hunt_stands_first_and_each_has_its_scene(tmp_path, capsy
         ("e", "r", name): Catch(ratio, SCENE, "1e-1 .. 1e-3", k) for k, (name, ratio) in enumerate(places.items())
     }
     bag = Bag(catches, 7, ["one that failed"])
-    for _ in range(2):  # into the same folder again
+    for _ in range(2):  # into the same folder again, where what is there stays
         hunt._write_bag(bag, tmp_path / "deep" / "out", ["own.py:Mine"])
     hunt._print_bag(bag, tmp_path)
     shown = capsys.readouterr().out
     files = sorted(path.name for path in (tmp_path / "deep" / "out").iterdir())
 
-    assert files == ["e-r-a.toml", "e-r-b.toml", "e-r-c.toml"]
+    assert files == [f"e-r-{name}{again}.toml" for name in "abc" for again in ("-2", "")]
     text = (tmp_path / "deep" / "out" / "e-r-b.toml").read_text(encoding="utf-8")
     assert text.startswith(
         "# e r b: 9 times the allowed error, the worst of 7 scenes\n# Show it again: crosscheck replay"
