@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import sigma_min
+from refkin.differences import EPS
 from refkin.joints import SPACE, TurnAboutAxis
 from refkin.motion import SINGULAR
 from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
@@ -36,6 +37,8 @@ and a law that does not turn back takes no other values on the way.
 LEFT = 1e-10
 """Down to it corrections contract one after the other in a first step: the first of them may be that of a large body,
 which hides what a small loop does, as a link of a millimetre on a crank of a metre [sizes, rad]."""
+NOISE = 256 * EPS
+"""What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
 STEEP = 4.0
 """How many times the radius of curvature that Newton's later corrections tell of a first step may go."""
 SPREAD = 1 / 64
@@ -141,7 +144,7 @@ class Steps:
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
         turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=self.driven(self.t[-1], t))
         unled = len(self._before(t)) == 1
-        if unled and self._small_loop(sizes.tolist()):
+        if unled and not self.lenient and self._small_loop(sizes.tolist(), result.q, t):
             return False
         if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
             return False
@@ -155,15 +158,18 @@ class Steps:
         sigma = sigma_min(self.system.phi_q(result.q, t))
         return bool(sigma > SINGULAR and (decided or max(off, sizes[0]) <= sigma / APART))
 
-    def _small_loop(self, sizes: list[float]) -> bool:
+    def _small_loop(self, sizes: list[float], q: Any, t: float) -> bool:
         """Whether Newton's corrections tell of a loop that is small against a step that has no prediction.
 
         The second one leaves K times the square of its size, the next as well: with 1 / K about the size of the loop.
+        What is noise tells nothing.
         """
-        return any(
-            not contracts((one, other), LEFT) or (one > self.tiny and sizes[0] * other > STEEP * one * one)
+        telling = [
+            one
             for one, other in pairwise(sizes[1:])
-        )
+            if not contracts((one, other), LEFT) or (one > self.tiny and sizes[0] * other > STEEP * one * one)
+        ]
+        return bool(telling) and telling[0] > NOISE / max(EPS, sigma_min(self.system.phi_q(q, t)))
 
     def driven(self, a: Any, b: Any) -> Any:
         """Return the furthest that a driver turns a joint of space from times a to b [rad]: poses count no turns there.

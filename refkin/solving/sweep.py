@@ -24,15 +24,13 @@ from refkin.proof.numbers.extrema import LISTED, extrema
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.passages import OFTEN, Winding, over_a_range, turning_points, unseen
-from refkin.solving.steps import CLEAR, Steps
+from refkin.solving.steps import CLEAR, NOISE, Steps
 from refkin.system import EVERYTHING, System
 
 PART = 1 / 8
 """How much of the way to the first time is tried first where several laws move: together they may turn back."""
 ALONE = 1e-4
 """sigma_min above which the pose at an extremum of a law is not proved to be alone: the next root is as far."""
-NOISE = 256 * EPS
-"""What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
 MOST_STEPS = 20_000
 """Steps from one asked time to the next: a wheel that turns 3000 times between them needs so many."""
 MANY_STEPS = 100

@@ -574,6 +574,21 @@ def test_a_small_loop_does_not_leap_over_a_gap_in_the_first_step_of_a_large_cran
     assert solver(Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=times)).status[-1] is not OK
 
 
+@pytest.mark.parametrize(
+    ("slack", "start", "turned"),
+    [
+        (1.3150089764261557e-14, 3.1415926553995, -3.385824551922331e-05),
+        (1.2280054059132791e-14, 3.141592653589878, -1.273539720266815e-05),
+    ],
+)
+def test_beside_a_change_point_the_noise_of_corrections_tells_of_no_small_loop(slack, start, turned):
+    """They stay at 1e-10 there, however short a first step is: a motion that is proved was lost."""
+    linkage = refkin.FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0 + slack)
+    law = Polynomial(coefficients=(start, turned))
+
+    assert refkin.solve(linkage.scene(law=law, times=(0.0, 1.0), branch="crossed")).verdict is OK
+
+
 @dataclass(frozen=True, kw_only=True)
 class Quotient(Constraint):
     """phi_j = 1 / (3 + phi_i)."""
