@@ -42,8 +42,9 @@ def transposed(patch: Patch) -> None:
     """Rates of balls by E^T for E: e~ with the other sign."""
 
     def other(p: Any) -> Any:
-        e0, e1, e2, e3 = p
-        return 2.0 * np.array([[-e1, e0, -e3, e2], [-e2, e3, e0, -e1], [-e3, -e2, e1, e0]])
+        e0, e1, e2, e3 = np.moveaxis(p, -1, 0)
+        rows = np.array([[-e1, e0, -e3, e2], [-e2, e3, e0, -e1], [-e3, -e2, e1, e0]])
+        return 2.0 * np.moveaxis(rows, (0, 1), (-2, -1))
 
     patch.setattr(tree, "body_columns", other)
 
@@ -147,7 +148,7 @@ def spatial_acceleration(patch: Patch) -> None:
 
 def both_rates_forgotten(patch: Patch) -> None:
     """The adapter's rows of a universal joint that closes a loop drift without the term of both rates."""
-    patch.setattr(system, "_product", lambda a, b: a[2] @ b[0] + a[0] @ b[2])
+    patch.setattr(system, "_product", lambda a, b: system._dots(a[2], b[0]) + system._dots(a[0], b[2]))
 
 
 def third_rotation_elsewhere(patch: Patch) -> None:

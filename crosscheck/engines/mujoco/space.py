@@ -7,7 +7,7 @@ slide that the adapter moves with its hinge, a free body three slides and a ball
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,9 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
 from crosscheck.engines.spatial.kinds import JointKind
-from crosscheck.engines.spatial.system import Place, SpaceEngine
+from crosscheck.engines.spatial.system import Place, SpaceEngine, State
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
-from crosscheck.engines.spatial.turning import parameters
+from crosscheck.engines.spatial.turning import cross, length, parameters
 from refkin.joints import GROUND
 
 Array = Any
@@ -66,7 +66,10 @@ class MujocoSpace(SpaceEngine):
         self.columns = np.array([j.qposadr[0] + k for j in joints for k in range(len(j.qpos0))], int)
         self._v = np.array([j.dofadr[0] + k for j in joints for k in range((1, 3)[len(j.qpos0) > 1])], int)
         self._from_tree = self._columns()
-        self._at = [(self.bodies[p.body].id, *self._local(p)) for p in places]
+        self._bodies = np.array([self.bodies[p.body].id for p in places], int)
+        self._u = np.array([self._local(p)[0] for p in places]).reshape(-1, 3)
+        self._axes = np.array([self._local(p)[1] for p in places]).reshape(-1, 3, 3)
+        self._roots, self._moves = self.model.body_rootid[self._bodies], self._moved()
 
     def _add(self) -> None:
         """Add nothing more to the specification before it is compiled."""
@@ -104,30 +107,54 @@ class MujocoSpace(SpaceEngine):
             first += edge.rates
         return np.concatenate(rows)
 
-    def coordinates(self, q: Array) -> list[float]:
-        """Return coordinates of the tree as those of MuJoCo's joints, edge by edge: of a screw two."""
-        values: list[float] = []
-        for edge in self.tree.edges:
-            part = list(q[edge.slot])
-            if edge.kind == JointKind.SCREW:
-                part = [edge.pitch * part[0], part[0]]
-            if edge.turned.stop:
-                p = q[edge.turned]
-                part[-4:] = p / np.linalg.norm(p)
-            values += part
-        return values
+    def _moved(self) -> Array:
+        """Return which of the tree's rates move a place, 1 or 0, (P, v, 1)."""
+        m = self.model
+        moves = np.zeros((m.nbody, m.nv))
+        for body, parent in enumerate(m.body_parentid):
+            moves[body] = moves[parent] + (m.dof_bodyid == body)
+        return (moves[self._bodies][:, self._v] @ self._from_tree != 0.0)[:, :, None] * 1.0
 
-    def _place(self, q: Array) -> None:
-        self.data.qpos[self.columns] = self.coordinates(q)
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_makeConstraint(self.model, self.data)
-        self._present = np.isin(self._owners, self.data.efc_id[: self.data.nefc])
-        if not self._present[self.welded_from :].all():
-            raise EngineError("MuJoCo left out a weld that no joint can move")
+    def coordinates(self, q: Array) -> Array:
+        """Return coordinates (..., n) of the tree as those of MuJoCo's joints, edge by edge: of a screw two."""
+        parts = []
+        for edge in self.tree.edges:
+            part = q[..., edge.slot]
+            if edge.kind == JointKind.SCREW:
+                part = part * [edge.pitch, 1.0]
+            if edge.turned.stop:
+                p = q[..., edge.turned]
+                part = np.concatenate([part[..., :-4], p / length(p)], axis=-1)
+            parts.append(part)
+        return np.concatenate(parts, axis=-1)
+
+    def _posed(self, q: Array, rates: Array | None = None) -> Iterator[int]:
+        """Place the bodies at one q (B, n) after the other, with rates (B, v) if there are any; yield its index."""
+        m, d = self.model, self.data
+        at = np.empty((len(q), m.nq))
+        at[:, self.columns] = self.coordinates(q)
+        moving = np.zeros((len(q), m.nv))
+        if rates is not None:
+            moving[:, self._v] = rates @ self._from_tree.T
+        for k in range(len(q)):
+            d.qpos[:], d.qvel[:] = at[k], moving[k]
+            mujoco.mj_kinematics(m, d)
+            mujoco.mj_comPos(m, d)
+            mujoco.mj_makeConstraint(m, d)
+            if rates is not None:
+                mujoco.mj_comVel(m, d)
+                mujoco.mj_referenceConstraint(m, d)
+            self._present = None
+            if d.nefc != len(self._owners):
+                self._present = np.isin(self._owners, d.efc_id[: d.nefc])
+                if not self._present[self.welded_from :].all():
+                    raise EngineError("MuJoCo left out a weld that no joint can move")
+            yield k
 
     def _spread(self, values: Any) -> Array:
-        """Return a copy with a row for each row of every equality: MuJoCo leaves out points that no joint can move."""
+        """Return values with a row for each row of every equality: MuJoCo leaves out points that no joint can move."""
+        if self._present is None:
+            return values
         rows = np.zeros((len(self._owners), *np.shape(values)[1:]))
         rows[self._present] = values
         return rows
@@ -137,60 +164,79 @@ class MujocoSpace(SpaceEngine):
         return self._spread(rows.reshape(self.data.nefc, self.model.nv))
 
     def _gaps(self) -> Array:
-        """Return what leads from point to point (pairs, 3), of those that MuJoCo leaves out from their sites."""
-        gap = self._spread(self.data.efc_pos)[: self.welded_from].reshape(-1, 3)
-        for k in np.flatnonzero(~self._present[: self.welded_from : 3]):
-            gap[k] = self.data.site_xpos[self.model.eq_obj1id[k]] - self.data.site_xpos[self.model.eq_obj2id[k]]
+        """Return what leads from point to point, of those that MuJoCo leaves out from their sites."""
+        gap = self._spread(self.data.efc_pos)[: self.welded_from]
+        for k in () if self._present is None else np.flatnonzero(~self._present[: self.welded_from : 3]):
+            ends = (self.data.site_xpos[ids[k]] for ids in (self.model.eq_obj1id, self.model.eq_obj2id))
+            gap[3 * k : 3 * k + 3] = next(ends) - next(ends)
         return gap
 
-    def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
-        self._place(q)
-        m, d, count = self.model, self.data, len(self._at)
-        r, axes, jac = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 6, m.nv))
-        for k, (body, u, own) in enumerate(self._at):
-            turned = d.xmat[body].reshape(3, 3)
-            r[k], axes[k] = d.xpos[body] + turned @ u, turned @ own
-            mujoco.mj_jac(m, d, jac[k, :3], jac[k, 3:], r[k], body)
-        gap, rows = self._gaps(), self._jacobian()[: self.welded_from]
-        return r, axes, self._own(jac), gap, self._own(rows).reshape(len(gap), 3, self._from_tree.shape[1])
+    def still(self, q: Array) -> State:
+        d, count = self.data, len(q)
+        gap, rows = np.empty((count, self.welded_from)), np.empty((count, self.welded_from, self.model.nv))
+        reads = self._kept(count, d.xpos, d.xmat, d.subtree_com, d.cdof)
+        for k in self._posed(q):
+            gap[k], rows[k] = self._gaps(), self._jacobian()[: self.welded_from]
+            for kept, view in reads:
+                kept[k] = view
+        r, axes, jac = self._placed(*(kept for kept, _ in reads))
+        pairs = count, self.welded_from // 3, 3
+        slopes = self._own(rows).reshape(*pairs, self._from_tree.shape[1])
+        return State(r, axes, jac, gap.reshape(pairs), slopes)
+
+    def _kept(self, count: int, *views: Any) -> list[tuple[Array, Any]]:
+        """Return what is kept of so many poses, and the views that the stages fill at each."""
+        return [(np.empty((count, *view.shape)), view) for view in views]
+
+    def _placed(self, x: Array, frames: Array, com: Array, twists: Array) -> tuple[Array, Array, Array]:
+        """Return places (B, P, 3), axes (B, P, 3, 3) and Jacobians (B, P, 6, v) from what MuJoCo has of its bodies.
+
+        A motion axis (`cdof`) is the twist of a joint at unit rate, turn first, at the centre of mass of its tree.
+        """
+        frames = frames.take(self._bodies, axis=1).reshape(len(x), -1, 3, 3)
+        r = x.take(self._bodies, axis=1) + (frames @ self._u[:, :, None])[..., 0]
+        off = r - com.take(self._roots, axis=1)
+        return r, frames @ self._axes, self._at(off, twists).swapaxes(2, 3)
+
+    def _at(self, off: Array, twists: Array) -> Array:
+        """Return the velocities (B, P, v, 6) that twists (B, nv, 6) of joints give the places that they move."""
+        twists = self._from_tree.T @ twists.take(self._v, axis=1)
+        turn, shift = twists[:, None, :, :3], twists[:, None, :, 3:]
+        out = np.empty((*off.shape[:2], turn.shape[2], 6))
+        out[..., :3], out[..., 3:] = shift + cross(turn, off[:, :, None]), turn
+        out *= self._moves
+        return out
 
     def _own(self, rows: Array) -> Array:
         """Return rows (..., nv) of MuJoCo with columns of the tree's rates."""
-        return rows[..., self._v] @ self._from_tree
-
-    def _move(self, q: Array, rates: Array) -> None:
-        self._place(q)
-        self.data.qvel[self._v] = self._from_tree @ rates
-        mujoco.mj_comVel(self.model, self.data)
-        mujoco.mj_makeConstraint(self.model, self.data)
-        mujoco.mj_referenceConstraint(self.model, self.data)
+        return rows.take(self._v, axis=-1) @ self._from_tree
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
-        self._move(q, rates)
-        m, d = self.model, self.data
-        vel, acc = np.empty((2, len(self._at), 6))
-        qacc, jac, change = np.zeros(m.nv), np.empty((6, m.nv)), np.empty((6, m.nv))
+        d, count = self.data, len(q)
+        reads = self._kept(count, d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot)
+        bend, rows = np.empty((count, self.welded_from)), np.empty((count, self.welded_from, self.model.nv))
+        for k in self._posed(q, rates):
+            bend[k] = -self._spread(d.efc_aref)[: self.welded_from]
+            rows[k] = self._jacobian()[: self.welded_from]
+            for kept, view in reads:
+                kept[k] = view
+        x, frames, com, twists, changes = (kept for kept, _ in reads)
+        r, _, jac = self._placed(x, frames, com, twists)
+        off = r - com.take(self._roots, axis=1)
+        vel = np.einsum("bpiv,bv->bpi", jac, rates)
+        acc = np.einsum("bpvi,bv->bpi", self._at(off, changes), rates)
+        acc[..., :3] += cross(vel[..., 3:], vel[..., :3])  # the place goes on while the axes turn
         if accelerations is not None:
-            qacc[self._v] = self._from_tree @ accelerations
-        for k, (body, u, _) in enumerate(self._at):
-            point = d.xpos[body] + d.xmat[body].reshape(3, 3) @ u
-            mujoco.mj_jac(m, d, jac[:3], jac[3:], point, body)
-            mujoco.mj_jacDot(m, d, change[:3], change[3:], point, body)
-            vel[k], acc[k] = jac @ d.qvel, change @ d.qvel + jac @ qacc
-        bend = self._jacobian() @ qacc - self._spread(d.efc_aref)
-        return vel, acc, bend[: self.welded_from].reshape(-1, 3)
+            acc += np.einsum("bpiv,bv->bpi", jac, accelerations)
+            bend += np.einsum("bmv,bv->bm", self._own(rows), accelerations)
+        return vel, acc, bend.reshape(count, self.welded_from // 3, 3)
 
-    def welded(self, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
-        """Return of the welds' rotations (K, 3): residual, Jacobian (K, 3, v), velocity, and minus its drift term."""
-        self._move(q, rates)
-        d = self.data
-        residual, jacobian, rate, drift = (
-            values[self.welded_from :].reshape(-1, 6, *values.shape[1:])[:, 3:]
-            for values in (
-                self._spread(d.efc_pos),
-                self._own(self._jacobian()),
-                self._spread(d.efc_vel),
-                -self._spread(d.efc_aref),
-            )
-        )
-        return residual, jacobian, rate, drift
+    def welded(self, q: Array, rates: Array) -> tuple[Array, ...]:
+        """Return of the welds' rotations (B, K, 3): residual, Jacobian (B, K, 3, v), velocity, minus its drift term."""
+        d, parts = self.data, []
+        for _ in self._posed(q, rates):
+            whole = d.efc_pos, self._own(self._jacobian()), d.efc_vel, -d.efc_aref
+            first = self.welded_from
+            spread = (part if k == 1 else self._spread(part) for k, part in enumerate(whole))
+            parts.append([np.array(x[first:]).reshape(-1, 6, *x.shape[1:])[:, 3:] for x in spread])
+        return tuple(map(np.array, zip(*parts, strict=True)))

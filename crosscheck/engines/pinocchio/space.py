@@ -15,8 +15,9 @@ import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
 from crosscheck.engines.spatial.kinds import JointKind
-from crosscheck.engines.spatial.system import Place, SpaceEngine
+from crosscheck.engines.spatial.system import Place, SpaceEngine, State
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
+from crosscheck.engines.spatial.turning import cross, length
 from refkin.joints import GROUND
 
 Array = Any
@@ -33,12 +34,25 @@ class PinocchioSpace(SpaceEngine):
             self.bodies[edge.body] = self._hang(edge)
         self.model.gravity.setZero()
         self.frames = [(self.bodies[p.body][0], self.bodies[p.body][1] * pin.SE3(p.axes, p.u)) for p in places]
+        self._joints = np.array([joint for joint, _ in self.frames], int)
+        self._u = np.array([at.translation for _, at in self.frames]).reshape(-1, 3)
+        self._axes = np.array([at.rotation for _, at in self.frames]).reshape(-1, 3, 3)
         ends = [(*self.frames[j], *self.frames[i], WORLD_AXES) for i, j in pairs]
         self.constraints = [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *two) for two in ends]
         self.pairs = np.array(pairs, int).reshape(-1, 2)
         self.data = self.model.createData()
         self.contacts = [constraint.createData() for constraint in self.constraints]
         self._rest = np.zeros(self.model.nv)
+        self._moves = self._moved()
+
+    def _moved(self) -> Array:
+        """Return which rates move a place, 1 or 0, (P, 1, v)."""
+        moves = np.zeros((self.model.njoints, 1, self.model.nv))
+        for joint in range(1, self.model.njoints):
+            first = self.model.idx_vs[joint]
+            moves[joint] = moves[self.model.parents[joint]]
+            moves[joint, 0, first : first + self.model.nvs[joint]] = 1.0
+        return moves[self._joints]
 
     def _hang(self, edge: SpatialEdge) -> tuple[int, Any]:
         """Add the joints of an edge; return the last of them, and the body's frame in it."""
@@ -50,39 +64,56 @@ class PinocchioSpace(SpaceEngine):
         back = pin.SE3(edge.frame_body, edge.u_body).inverse()
         return (joint, back) if edge.kind != JointKind.FIXED else (joint, place * back)
 
-    def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
-        model, data, nv = self.model, self.data, self.model.nv
-        pin.computeJointJacobians(model, data, self.coordinates(q))
-        placed = [data.oMi[joint] * at for joint, at in self.frames]
-        jac = np.zeros((len(placed), 6, nv))
-        for k, (joint, at) in enumerate(self.frames):
-            if joint:
-                jac[k] = pin.getFrameJacobian(model, data, joint, at, WORLD_AXES).reshape(6, nv)
-        gap, slopes = np.empty((len(self.contacts), 3)), np.empty((len(self.contacts), 3, nv))
-        for k, (constraint, contact) in enumerate(zip(self.constraints, self.contacts, strict=True)):
-            constraint.calc(model, data, contact)
-            gap[k] = contact.oMc1.translation - contact.oMc2.translation
-            slopes[k] = pin.getConstraintJacobian(model, data, constraint, contact).reshape(3, nv)
-        r, axes = np.array([m.translation for m in placed]), np.array([m.rotation for m in placed])
-        return r, axes, jac, gap, slopes
+    def still(self, q: Array) -> State:
+        model, data, count = self.model, self.data, len(q)
+        turned, shifted = np.empty((count, model.njoints, 3, 3)), np.empty((count, model.njoints, 3))
+        columns = np.empty((count, *np.shape(data.J)))
+        gap, slopes = np.empty((count, len(self.contacts), 3)), np.empty((count, len(self.contacts), 3, model.nv))
+        held = [
+            (*both, gap[:, n], slopes[:, n]) for n, both in enumerate(zip(self.constraints, self.contacts, strict=True))
+        ]
+        views = [(columns, data.J)]  # of a single column a vector
+        for joint, placed in enumerate(data.oMi):
+            views += [(turned[:, joint], placed.rotation), (shifted[:, joint], placed.translation)]
+        for k, at in enumerate(self.coordinates(q)):
+            pin.computeJointJacobians(model, data, at)
+            for kept, view in views:
+                kept[k] = view
+            for constraint, contact, off, slope in held:
+                constraint.calc(model, data, contact)
+                off[k] = contact.oMc1.translation - contact.oMc2.translation
+                slope[k] = pin.getConstraintJacobian(model, data, constraint, contact).reshape(3, model.nv)
+        columns = columns.reshape(count, 6, model.nv)
+        turned = turned.take(self._joints, axis=1)
+        r = shifted.take(self._joints, axis=1) + (turned @ self._u[:, :, None])[..., 0]
+        return State(r, turned @ self._axes, self._at(r, columns), gap, slopes)
+
+    def _at(self, r: Array, columns: Array) -> Array:
+        """Return Jacobians (B, P, 6, v) of places from twists (B, 6, v) of joints, Pinocchio's at the origin."""
+        out = np.empty((*r.shape[:2], *columns.shape[1:]))
+        out[...] = columns[:, None]
+        out[:, :, :3] += cross(columns[:, None, 3:].swapaxes(2, 3), r[:, :, None]).swapaxes(2, 3)
+        out *= self._moves
+        return out
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
         model, data = self.model, self.data
-        rest = self._rest if accelerations is None else accelerations
-        pin.forwardKinematics(model, data, self.coordinates(q), rates, rest)
-        vel, acc = np.zeros((2, len(self.frames), 6))
-        for k, (joint, at) in enumerate(self.frames):
-            if joint:
-                vel[k] = pin.getFrameVelocity(model, data, joint, at, WORLD_AXES).vector
-                acc[k] = pin.getFrameClassicalAcceleration(model, data, joint, at, WORLD_AXES).vector
-        return vel, acc, acc[self.pairs[:, 1], :3] - acc[self.pairs[:, 0], :3]
+        rest = np.zeros_like(rates) if accelerations is None else accelerations
+        vel, acc = np.zeros((2, len(q), len(self.frames), 6))
+        for k, at in enumerate(zip(self.coordinates(q), rates, rest, strict=True)):
+            pin.forwardKinematics(model, data, *at)
+            for n, (joint, frame) in enumerate(self.frames):
+                if joint:
+                    vel[k, n] = pin.getFrameVelocity(model, data, joint, frame, WORLD_AXES).vector
+                    acc[k, n] = pin.getFrameClassicalAcceleration(model, data, joint, frame, WORLD_AXES).vector
+        return vel, acc, acc[:, self.pairs[:, 1], :3] - acc[:, self.pairs[:, 0], :3]
 
     def coordinates(self, q: Array) -> Array:
-        """Return Pinocchio's q: Euler parameters of length 1, the scalar last."""
+        """Return Pinocchio's q (..., n): Euler parameters of length 1, the scalar last."""
         out = np.array(q, float)
         for ball in self.tree.balls:
-            p = q[ball] / np.linalg.norm(q[ball])
-            out[ball] = [p[1], p[2], p[3], p[0]]
+            p = q[..., ball]
+            out[..., ball] = (p / length(p)).take([1, 2, 3, 0], -1)
         return out
 
 

@@ -99,15 +99,13 @@ def _levels(system: SpaceSystem, levels: Sequence[Array]) -> list[Array]:
     count, times = len(system.tree.numbers.bodies), levels[0].shape[1]
     r, w = np.full((3, times, count, 3), np.nan), np.full((2, times, count, 3), np.nan)
     p = np.full((times, count, 4), np.nan)
-    for k in range(times):
-        at = [level[:, k] if np.isfinite(level[:, k]).all() else None for level in levels]
-        if at[0] is None:
-            continue
-        read = system.bodies(*[*at, None, None][:3])
-        r[0, k], p[k] = read[0], [parameters(rotation) for rotation in read[1]]
-        for order, motion in enumerate(read[2:], 1):
-            if len(at) > order and at[order] is not None:
-                r[order, k], w[order - 1, k] = motion[:, :3], motion[:, 3:]
+    known = np.isfinite(levels[0]).all(axis=0)
+    if known.any():
+        q, qd, qdd = [*(level[:, known].T for level in levels), None, None][:3]
+        r[0, known], turned, *moving = system.bodies(q, qd, qdd)
+        p[known] = parameters(turned)
+        for order, motion in enumerate(moving[: len(levels) - 1], 1):
+            r[order, known], w[order - 1, known] = motion[..., :3], motion[..., 3:]
     return coordinates(r, p, w)[: len(levels)]
 
 
@@ -206,22 +204,22 @@ class SpaceRows(ConstraintModel):
         return len(self.places) - 2, len(self.places) - 1
 
     def residual(self, q: Array, t: float) -> Array:
-        return self._stacked(self.engine.still(q)[3], q, 0)
+        return self._stacked(self.engine.still(q[None]).gap[0], q, 0)
 
     def jacobian(self, q: Array, t: float) -> Array:
-        return self._stacked(self.engine.still(q)[4], q, 1) @ self._to_body(q)
+        return self._stacked(self.engine.still(q[None]).gap_jac[0], q, 1) @ self._to_body(q)
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return the rates of the rows (m,), by the engine's velocities."""
         rates = self.tree.rates(q) @ qd
-        vel = self.engine.moving(q, rates, None)[0]
+        vel = self.engine.moving(q[None], rates[None], None)[0][0]
         pairs = np.array(self.engine.pairs, int).reshape(-1, 2)
         return self._stacked(vel[pairs[:, 1], :3] - vel[pairs[:, 0], :3], q, 2, rates)
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,): minus the second derivative of the rows while v' and w' are zero."""
         rates = self.tree.rates(q) @ qd
-        return -self._stacked(self.engine.moving(q, rates, None)[2], q, 3, rates)
+        return -self._stacked(self.engine.moving(q[None], rates[None], None)[2][0], q, 3, rates)
 
     def _stacked(self, gaps: Array, q: Array, what: int, rates: Array = None) -> Array:
         """Return the rows of pairs, then of welds: residual, Jacobian, velocity or second derivative (0 to 3)."""
@@ -229,7 +227,7 @@ class SpaceRows(ConstraintModel):
         if not self._turned:
             return rows
         still = np.zeros(len(self.tree.rates(q))) if rates is None else rates
-        turned = self.engine.welded(q, still)[what]
+        turned = self.engine.welded(q[None], still[None])[what][0]
         return np.concatenate([rows, turned.reshape(-1, *turned.shape[2:])])
 
     def _to_body(self, q: Array) -> Array:

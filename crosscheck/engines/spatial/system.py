@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,7 +34,7 @@ from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold
 from crosscheck.engines.spatial.tree import SpaceTree, longest_chain
-from crosscheck.engines.spatial.turning import about_z
+from crosscheck.engines.spatial.turning import about_z, cross
 
 Array = Any
 
@@ -49,23 +49,27 @@ class Place:
 
 
 class SpaceEngine(Protocol):
-    """An engine's model of a `SpaceTree` at one pose after another; columns are rates (v,) of its joints.
+    """An engine's model of a `SpaceTree`, at B poses at once; columns are rates (v,) of its joints.
 
     It is given the places to be read, and the pairs of them, of i and of j, that it holds together itself.
     """
 
     tree: SpaceTree
 
-    def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return places (P, 3), axes (P, 3, 3), Jacobians (P, 6, v), and of pairs d (K, 3) and its Jacobian."""
+    def still(self, q: Array) -> State:
+        """Return places, axes and Jacobians at q (B, n), and of pairs d and its Jacobian."""
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
-        """Return velocities (P, 6) of places and accelerations (P, 6), linear ones first, and d'' of pairs (K, 3)."""
+        """Return velocities and accelerations (B, P, 6) of places, linear ones first, and d'' of pairs (B, K, 3)."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class State:
-    """What rows are made of, at one pose: places r, axes, Jacobians; moving also velocities and accelerations."""
+    """What rows are made of at B poses: P places, K pairs of them, v rates; moving also velocities and accelerations.
+
+    Places (B, P, 3), axes (B, P, 3, 3), Jacobians (B, P, 6, v); of pairs d (B, K, 3) and its Jacobian (B, K, 3, v);
+    velocities and accelerations (B, P, 6) of places, and d'' (B, K, 3).
+    """
 
     r: Array
     axes: Array
@@ -77,10 +81,10 @@ class State:
     gap_acc: Array = None
 
 
-Law = tuple[float, float, float]
-"""A number that a row is held at, its rate and its second derivative."""
+Law = tuple[Any, Any, Any]
+"""A number that a row is held at, its rate and its second derivative: (B,) each, or the same for all."""
 Row = Callable[[State, Law], tuple[Any, Any]]
-"""State at a pose, law -> value and gradient; state of a motion without accelerations, law -> gamma, and None."""
+"""State at poses, law -> values (B,), gradients (B, v); state of a motion without accelerations, law -> gamma, None."""
 
 
 class SpaceSystem(Equations):
@@ -162,35 +166,33 @@ class SpaceSystem(Equations):
     # rows
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        parts = [self._at(*sample) for sample in zip(q, t.tolist(), strict=True)]
-        residual, jacobian = (np.array(part) for part in zip(*parts, strict=True))
-        return residual, jacobian
-
-    def _at(self, q: Array, t: float) -> tuple[Array, Array]:
-        state, columns = State(*self.engine.still(q)), self.tree.rates(q)
-        values, slopes = [state.gap.ravel()], [state.gap_jac.reshape(self.own, columns.shape[0])]
+        state, columns = self.engine.still(q), self.tree.rates(q)
+        residual = np.zeros((len(t), self._held + len(self._driven)))
+        jacobian = np.zeros((*residual.shape, self.tree.width))
+        slopes = np.empty((len(t), self._held - len(self.tree.balls), columns.shape[1]))
+        residual[:, : self.own] = state.gap.reshape(len(t), self.own)
+        slopes[:, : self.own] = state.gap_jac.reshape(len(t), self.own, columns.shape[1])
+        k = self.own
         for row, law in self._rows:
-            value, slope = row(state, law)
-            values.append([value])
-            slopes.append(slope[None])
+            residual[:, k], slopes[:, k] = row(state, law)
+            k += 1
         for place, line in self._spins:
-            values.append([0.0])
-            slopes.append(((state.axes[place] @ line) @ state.jac[place, 3:])[None])
-        jacobian = [np.concatenate(slopes) @ columns]
+            slopes[:, k] = _along_gradient(state.axes[:, place] @ line, state.jac[:, place, 3:])
+            k += 1
+        np.matmul(slopes, columns, out=jacobian[:, :k])
         for ball in self.tree.balls:
-            values.append([0.5 * (q[ball] @ q[ball] - 1.0)])
-            jacobian.append(_row(self.tree.width, ball, q[ball]))
+            residual[:, k], jacobian[:, k, ball] = 0.5 * (_dots(q[:, ball], q[:, ball]) - 1.0), q[:, ball]
+            k += 1
         for drive, tabulated, what in self._driven:
             f = tabulated(t, 0) / drive.size
             if callable(what):
-                value, slope = what(state, (f, 0.0, 0.0))
-                values.append([value])
-                jacobian.append((slope @ columns)[None])
+                residual[:, k], slope = what(state, (f, 0.0, 0.0))
+                jacobian[:, k] = _along_gradient(slope, columns)
             else:
                 column, factor, shift = what
-                values.append([q[column] * factor + shift - f])
-                jacobian.append(_row(self.tree.width, column, factor))
-        return np.concatenate(values), np.concatenate(jacobian)
+                residual[:, k], jacobian[:, k, column] = q[:, column] * factor + shift - f, factor
+            k += 1
+        return residual, jacobian
 
     @property
     def _held(self) -> int:
@@ -203,18 +205,26 @@ class SpaceSystem(Equations):
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        return np.array([self._bend(*sample) for sample in zip(q, qd, t.tolist(), strict=True)])
-
-    def _bend(self, q: Array, qd: Array, t: float) -> Array:
-        still = self.engine.still(q)
-        state = State(*still, *self.engine.moving(q, self.tree.rates(q) @ qd, None))
-        right = [*(-state.gap_acc).ravel(), *(row(state, law)[0] for row, law in self._rows)]
-        right += [-(state.axes[place] @ line) @ state.acc[place, 3:] for place, line in self._spins]
-        right += [-qd[ball] @ qd[ball] for ball in self.tree.balls]
+        rates = (self.tree.rates(q) @ qd[:, :, None])[:, :, 0]
+        vel, acc, gap_acc = self.engine.moving(q, rates, None)
+        state = replace(self.engine.still(q), vel=vel, acc=acc, gap_acc=gap_acc)
+        right = np.empty((len(t), self._held + len(self._driven)))
+        right[:, : self.own] = -gap_acc.reshape(len(t), self.own)
+        k = self.own
+        for row, law in self._rows:
+            right[:, k] = row(state, law)[0]
+            k += 1
+        for place, line in self._spins:
+            right[:, k] = -_dots(state.axes[:, place] @ line, acc[:, place, 3:])
+            k += 1
+        for ball in self.tree.balls:
+            right[:, k] = -_dots(qd[:, ball], qd[:, ball])
+            k += 1
         for drive, tabulated, what in self._driven:
-            f = tabulated(t, 0) / drive.size, tabulated(t, 1) / drive.size, tabulated(t, 2) / drive.size
-            right.append(what(state, f)[0] if callable(what) else f[2])
-        return np.array(right)
+            f, fd, fdd = (tabulated(t, order) / drive.size for order in range(3))
+            right[:, k] = what(state, (f, fd, fdd))[0] if callable(what) else fdd
+            k += 1
+        return right
 
     def round_off(self, q: Array, t: Array) -> Array:
         """Return a bound (B, 1) on what rounding leaves of a residual that is zero.
@@ -228,58 +238,62 @@ class SpaceSystem(Equations):
         return extrema([law for _, law, _ in self._driven], times)
 
     def bodies(self, q: Array, qd: Array | None, qdd: Array | None) -> tuple[Array, ...]:
-        """Return of the bodies at one pose: places (b, 3), rotations (b, 3, 3); velocities (b, 6), accelerations."""
+        """Return of the bodies at B poses: places (B, b, 3), rotations; velocities (B, b, 6), accelerations."""
         count = len(self.tree.numbers.bodies)
-        r, axes, *_ = self.engine.still(q)
+        state = self.engine.still(q)
         if qd is None:
-            return r[:count], axes[:count]
+            return state.r[:, :count], state.axes[:, :count]
         columns = self.tree.rates(q)
-        vel, acc, _ = self.engine.moving(q, columns @ qd, None if qdd is None else columns @ qdd)
-        return r[:count], axes[:count], vel[:count], acc[:count]
+        rates = [None if x is None else (columns @ x[:, :, None])[:, :, 0] for x in (qd, qdd)]
+        vel, acc, _ = self.engine.moving(q, *rates)
+        return state.r[:, :count], state.axes[:, :count], vel[:, :count], acc[:, :count]
 
 
-def _row(n: int, where: Any, values: Any) -> Array:
-    out = np.zeros((1, n))
-    out[0, where] = values
-    return out
+def _dots(a: Any, b: Any) -> Any:
+    """Return the scalar products (B,) of vectors (B, k)."""
+    return np.add.reduce(a * b, axis=1)
 
 
-def _axis(state: State, k: int, a: int) -> tuple[Any, Any]:
-    """Return an axis of a place and its gradient (3, v): w x a."""
-    axis = state.axes[k][:, a]
-    return axis, np.cross(state.jac[k, 3:].T, axis).T
+def _along_gradient(a: Any, slopes: Any) -> Any:
+    """Return vectors (B, k) times matrices (B, k, v), (B, v)."""
+    return (a[:, None] @ slopes)[:, 0]
+
+
+def _turns(state: State, i: int, j: int) -> Any:
+    """Return the gradients (B, 3, v) of how j turns against i."""
+    return state.jac[:, j, 3:] - state.jac[:, i, 3:]
 
 
 def _axis_motion(state: State, k: int, a: int) -> tuple[Any, Any, Any]:
     """Return an axis, its rate w x a, and alpha x a + w x (w x a)."""
-    return _turning(state.axes[k][:, a], state.vel[k, 3:], state.acc[k, 3:])
+    return _turning(state.axes[:, k, :, a], state.vel[:, k, 3:], state.acc[:, k, 3:])
 
 
 def _turning(axis: Any, w: Any, alpha: Any) -> tuple[Any, Any, Any]:
-    rate = np.cross(w, axis)
-    return axis, rate, np.cross(alpha, axis) + np.cross(w, rate)
+    rate = cross(w, axis)
+    return axis, rate, cross(alpha, axis) + cross(w, rate)
 
 
 def _gap(state: State, i: int, j: int) -> tuple[Any, Any]:
-    return state.r[j] - state.r[i], state.jac[j, :3] - state.jac[i, :3]
+    return state.r[:, j] - state.r[:, i], state.jac[:, j, :3] - state.jac[:, i, :3]
 
 
 def _product(a: Any, b: Any) -> Any:
     """Return (a . b)'' from vectors with two derivatives."""
-    return a[2] @ b[0] + 2.0 * (a[1] @ b[1]) + a[0] @ b[2]
+    return _dots(a[2], b[0]) + 2.0 * _dots(a[1], b[1]) + _dots(a[0], b[2])
 
 
 def _gap_motion(state: State, i: int, j: int) -> tuple[Any, Any, Any]:
-    difference = tuple(x[j, :3] - x[i, :3] for x in (state.vel, state.acc))
-    return (state.r[j] - state.r[i], *difference)
+    difference = tuple(x[:, j, :3] - x[:, i, :3] for x in (state.vel, state.acc))
+    return (state.r[:, j] - state.r[:, i], *difference)
 
 
 def _dot(i: int, a: int, j: int, b: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
         if state.vel is not None:
             return -_product(_axis_motion(state, i, a), _axis_motion(state, j, b)), None
-        (x, dx), (y, dy) = _axis(state, i, a), _axis(state, j, b)
-        return x @ y, y @ dx + x @ dy
+        x, y = state.axes[:, i, :, a], state.axes[:, j, :, b]
+        return _dots(x, y), _along_gradient(cross(y, x), _turns(state, i, j))  # y . (w_i x x) + x . (w_j x y)
 
     return row
 
@@ -288,20 +302,20 @@ def _along(i: int, a: int, j: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
         if state.vel is not None:
             return f[2] - _product(_axis_motion(state, i, a), _gap_motion(state, i, j)), None
-        (x, dx), (d, dd) = _axis(state, i, a), _gap(state, i, j)
-        return x @ d - f[0], d @ dx + x @ dd
+        x, (d, dd) = state.axes[:, i, :, a], _gap(state, i, j)
+        return _dots(x, d) - f[0], _along_gradient(cross(x, d), state.jac[:, i, 3:]) + _along_gradient(x, dd)
 
     return row
 
 
 def _distance(i: int, j: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
-        length = f[0] or 1.0
+        length = np.where(f[0], f[0], 1.0)
         if state.vel is not None:
             d = _gap_motion(state, i, j)
             return (f[1] * f[1] + f[0] * f[2] - 0.5 * _product(d, d)) / length, None
         d, dd = _gap(state, i, j)
-        return (d @ d - f[0] * f[0]) / (2.0 * length), d @ dd / length
+        return (_dots(d, d) - f[0] * f[0]) / (2.0 * length), _along_gradient(d, dd) / length[..., None]
 
     return row
 
@@ -310,26 +324,32 @@ def _angle(i: int, j: int) -> Row:
     """Return the row of a driven angle; its gamma is that where the axes of the joint are one, as where it closes."""
 
     def row(state: State, f: Law) -> tuple[Any, Any]:
-        h = state.axes[i][:, H]
+        h = state.axes[:, i, :, H]
         if state.vel is not None:
-            return f[2] - h @ (state.acc[j, 3:] - state.acc[i, 3:]), None
-        x = state.axes[i].T @ state.axes[j]
-        angle = math.atan2(x[1, 0] - x[0, 1], x[0, 0] + x[1, 1])
-        return math.remainder(angle - f[0], math.tau), h @ (state.jac[j, 3:] - state.jac[i, 3:])
+            return f[2] - _dots(h, state.acc[:, j, 3:] - state.acc[:, i, 3:]), None
+        x = state.axes[:, i].swapaxes(1, 2) @ state.axes[:, j]
+        angle = np.arctan2(x[:, 1, 0] - x[:, 0, 1], x[:, 0, 0] + x[:, 1, 1])
+        return _nearest(angle - f[0]), _along_gradient(h, _turns(state, i, j))
 
     return row
 
 
-def _turn(state: State, i: int, j: int, angle: float) -> tuple[Any, float, Any, float]:
+def _nearest(angle: Any) -> Any:
+    """Return angles (B,) less whole turns, exactly: C's `remainder`, which NumPy has not; NaN where there is none."""
+    return np.array([math.remainder(x, math.tau) if math.isfinite(x) else math.nan for x in angle.tolist()])
+
+
+def _turn(state: State, i: int, j: int, angle: Any) -> tuple[Any, Any, Any, Any]:
     """Return i turned by an angle about its axis, by how much j is turned further, the gradient by w, its divisor.
 
     A turn is twice atan2(e3, e0) of the Euler parameters that lead from frame to frame, of which g_i . f_j - f_i . g_j
     is 4 e0 e3 and f_i . f_j + g_i . g_j, the divisor, 2 (e0^2 - e3^2). The gradient is that where the first is zero.
     """
-    x, y = state.axes[i] @ about_z(angle), state.axes[j]
-    beside = x[:, F] @ y[:, F] + x[:, G] @ y[:, G]
-    further = math.atan2(x[:, G] @ y[:, F] - x[:, F] @ y[:, G], beside)
-    return x, further, (np.cross(y[:, F], x[:, G]) - np.cross(y[:, G], x[:, F])) / beside, beside
+    x, y = state.axes[:, i] @ about_z(angle), state.axes[:, j]
+    (xf, xg), (yf, yg) = ((z[:, :, F], z[:, :, G]) for z in (x, y))
+    beside = _dots(xf, yf) + _dots(xg, yg)
+    further = np.arctan2(_dots(xg, yf) - _dots(xf, yg), beside)
+    return x, further, (cross(yf, xg) - cross(yg, xf)) / beside[:, None], beside
 
 
 def _twist(i: int, j: int) -> Row:
@@ -338,9 +358,9 @@ def _twist(i: int, j: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
         x, further, about, beside = _turn(state, i, j, f[0])
         if state.vel is None:
-            return further, about @ (state.jac[j, 3:] - state.jac[i, 3:])
-        w, own = state.vel[i, 3:], f[1] * x[:, H]
-        g, f_ = (_turning(x[:, a], w + own, state.acc[i, 3:] + np.cross(w, own)) for a in (G, F))
+            return further, _along_gradient(about, _turns(state, i, j))
+        w, own = state.vel[:, i, 3:], np.multiply(f[1], x[:, :, H].T).T
+        g, f_ = (_turning(x[:, :, a], w + own, state.acc[:, i, 3:] + cross(w, own)) for a in (G, F))
         bend = _product(g, _axis_motion(state, j, F)) - _product(f_, _axis_motion(state, j, G))
         return f[2] - bend / beside, None
 
@@ -355,8 +375,8 @@ def _thread(i: int, j: int, pitch: float) -> Row:
         (off, along), angle = height(state, f), _turn(state, i, j, 0.0)[1]
         if state.vel is None:
             _, slope = twist(state, (angle, 0.0, 0.0))
-            return pitch * math.remainder(off / pitch - angle, math.tau), along - pitch * slope
-        rate = _turn(state, i, j, angle)[2] @ (state.vel[j, 3:] - state.vel[i, 3:])
+            return pitch * _nearest(off / pitch - angle), along - pitch * slope
+        rate = _dots(_turn(state, i, j, angle)[2], state.vel[:, j, 3:] - state.vel[:, i, 3:])
         return off - pitch * twist(state, (angle, rate, 0.0))[0], None
 
     return row

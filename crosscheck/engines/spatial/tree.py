@@ -106,11 +106,12 @@ class SpaceTree:
         return next((edge for edge in edges if edge.kind in MOVED.get(drive.kind, ())), None)
 
     def rates(self, q: Array) -> Array:
-        """Return the matrix (v, n) that makes rates of the joints, turns in the body's own axes, of q'."""
+        """Return the matrices (..., v, n) that make rates of joints, turns in the body's own axes, of q' (..., n)."""
         plain, balls = self._plain
-        out = plain.copy()
+        out = np.empty((*q.shape[:-1], *plain.shape))
+        out[...] = plain
         for rows, ball in balls:
-            out[rows, ball] = body_columns(q[ball])
+            out[..., rows, ball] = body_columns(q[..., ball])
         return out
 
     @cached_property
