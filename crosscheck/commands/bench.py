@@ -64,7 +64,7 @@ def bench(
             parts.append(part)
     results = merged(parts)
     if as_json:
-        print(json.dumps(results, indent=1))
+        print(json.dumps({"schema": 1, **results}, indent=1))
     else:
         print_results(results, console(180))
     return PASS

@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from crosscheck.commands.usage import console, table
-from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available
+from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available, unknown
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError, quoted
 from crosscheck.judge.records import QUANTITIES, Record, RefusalRow
@@ -38,9 +38,7 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
         raise UsageError(f"--engines: expected names of engines, separated by commas, got {quoted(text)}")
     for name in named:
         if name not in known and ":" not in name:
-            raise UsageError(
-                f"no engine is called {quoted(name)}; there are: {', '.join(sorted(known))}, or file.py:Class"
-            )
+            raise UsageError(unknown(name, known))
     return tuple(dict.fromkeys((*always, *named)))
 
 

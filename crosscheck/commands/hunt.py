@@ -159,7 +159,7 @@ def hard(
     case_seconds
         A method that takes longer [s] on one case is stopped, and counts as hanging.
     as_json
-        Print one JSON array of rows instead of a table.
+        Print one JSON object, whose `rows` they are, instead of a table.
     """
     cases = _cases(case)
     positive("within", within)
@@ -172,7 +172,7 @@ def hard(
         print(error, file=sys.stderr)
         return ENGINE_MISSING
     if as_json:
-        print(json.dumps(rows, indent=1, allow_nan=False))
+        print(json.dumps({"schema": 1, "rows": rows}, indent=1, allow_nan=False))
     else:
         _print_table(rows)
     return DISAGREEMENT if unexplained(rows) else PASS

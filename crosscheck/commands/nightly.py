@@ -19,7 +19,7 @@ from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
-from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
+from crosscheck.night.history import HistoryError, nights, refuse_other, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, taken, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import summary
@@ -97,6 +97,8 @@ def nightly(
     """
     if baseline is not None:
         golden.read(baseline)
+    if history is not None:
+        refuse_other(history)
     gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
     refuse_others(out)
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)

@@ -198,7 +198,7 @@ def print_repeated(before: Mapping[str, Cheapest], now: Mapping[str, Any], as_js
     first, second = (sum(numbers) for numbers in zip(*once, strict=True))
     if as_json:
         counts = {"cells": cells, "same": same, "share": share, "first_alone": first, "second_alone": second}
-        print(json.dumps({**counts, "changed": changed, "again": now}))
+        print(json.dumps({"schema": SCHEMA, **counts, "changed": changed, "again": now}))
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
         of = f"{same} of {cells} cells whose winner is ahead of the second by more than the spread in both lists"

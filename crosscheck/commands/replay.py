@@ -91,6 +91,7 @@ def conform(engine: str, *, as_json: Json = False) -> int:
     """
     if not engine.strip():
         raise UsageError(f"ENGINE: expected a name, or `file.py:Class`, got {quoted(engine)}")
+    names(engine, always=())
     installed, missing = find_engines((engine,))
     if missing:
         print(*missing.values(), sep="\n")
@@ -103,7 +104,7 @@ def conform(engine: str, *, as_json: Json = False) -> int:
             show(len(replied), reply.about)
     if as_json:
         answers = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
-        print(json.dumps({"engine": name, "version": version, **answers}))
+        print(json.dumps({"schema": 1, "engine": name, "version": version, **answers}))
     else:
         rows = []
         for reply in replied:

@@ -457,10 +457,15 @@ def _registered(name: str) -> Any:
             return point
     points = available()
     if name not in points:
-        known = f"there are: {', '.join(sorted(points))}"
-        way = f"{name}: name the class in it, too, as in {name}:Mine"
-        raise EngineError(way if name.endswith(".py") else f"no engine is called {quoted(name)}; {known}")
+        raise EngineError(unknown(name, points))
     return points[name]
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Return in words that no engine has a name, and which there are."""
+    if name.endswith(".py"):
+        return f"{name}: name the class in it, too, as in {name}:Mine"
+    return f"no engine is called {quoted(name)}; there are: {', '.join(sorted(known))}, or file.py:Class"
 
 
 def load(spec: str) -> Engine:

@@ -82,6 +82,13 @@ def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, A
     return course
 
 
+def refuse_other(path: Path) -> None:
+    """Raise HistoryError if something else stands where a history is to be kept."""
+    if path.exists():
+        with _opened(path):
+            pass
+
+
 def append(path: Path, report: Mapping[str, Any]) -> bool:
     """Add a night to the history in a file; the same night once more, as after a resume, replaces itself.
 

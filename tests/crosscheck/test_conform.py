@@ -248,9 +248,10 @@ def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passe
         tmp_path, name="no", before="raise __import__('crosscheck.engines').engines.EngineRefusal('never')"
     )
     told = [command("conform", spec, "--json") for spec in ("nobody", "own.py", refuses)]
-    shown = "".join(one.stdout for one in told)
+    missing = command("conform", "nowhere.py:Mine")
 
-    assert [one.returncode for one in told] == [3, 3, 5]
-    assert "no engine is called 'nobody'" in shown
-    assert "own.py: name the class in it, too, as in own.py:Mine\n" in shown  # and no place in our code
-    assert json.loads(shown.splitlines()[-1])["replies"][0]["refusals"] == ["never"]
+    assert [one.returncode for one in (*told, missing)] == [2, 2, 5, 3]
+    assert "no engine is called 'nobody'" in told[0].stderr
+    assert told[1].stderr == "own.py: name the class in it, too, as in own.py:Mine\n"
+    assert missing.stdout == "there is no file nowhere.py\n"  # and no place in our code
+    assert json.loads(told[2].stdout.splitlines()[-1])["replies"][0]["refusals"] == ["never"]

@@ -27,9 +27,9 @@ SCENE = refkin.load(Path(__file__).parent.parent.parent / "examples" / "crank-ro
 
 def test_rows_are_printed_as_json(command):
     code, out, _ = command("hard", "--engines", f"{ENGINES}:Right", "--case", "large offset", "--json")
-    rows = json.loads(out)
+    (schema, rows) = json.loads(out).values()
 
-    assert code == 0
+    assert (code, schema) == (0, 1)
     keys = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
     assert [tuple(row) for row in rows] == [keys] * 8
     assert {row["engine"] for row in rows} == {"refkin", "right"}

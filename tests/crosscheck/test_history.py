@@ -181,10 +181,18 @@ def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path
     assert "changed on 2026-10-20 02:17 by a factor" in page
 
 
-def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report(tmp_path: Path) -> None:
-    (tmp_path / "h.sqlite").write_text("not a database at all, but long enough to be looked at" * 20)
+def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report_or_was_named_and_is_refused(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "history.sqlite").write_text("not a database at all, but long enough to be looked at" * 20)
     night = ("nightly", "--scenes", 1, "--seed", 1, "--engines", "closed_form", "--out", tmp_path / "run")
-    process = crosscheck(*night, "--history", tmp_path / "h.sqlite")
+    refused = [crosscheck(*night, "--history", other) for other in (tmp_path / "history.sqlite", tmp_path)]
+
+    assert [one.returncode for one in refused] == [4, 4]
+    assert refused[0].stderr == f"{tmp_path / 'history.sqlite'}: file is not a database\n"
+    assert not (tmp_path / "run").exists()
+
+    process = crosscheck(*night)
     report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
 
     assert (process.returncode, report["verdict"]) == (4, "infrastructure")
