@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, reduce
@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import InvalidScene
+from refkin.errors import Fault, InvalidScene, expect
 from refkin.joints import GROUND, Constraint, Driver, Kind, Unit, with_unit_length
-from refkin.joints.checks import kind_of, mechanism_faults, scene_faults
+from refkin.joints.checks import kind_of, mechanism_faults, plain, scene_faults
 from refkin.motion_laws import STRICT
 
 
@@ -54,7 +54,7 @@ class Body:
     __pydantic_config__ = STRICT
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "estimate", with_unit_length(self.estimate))
+        object.__setattr__(self, "estimate", with_unit_length(plain(self.estimate)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +69,18 @@ class Point:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, joints and drivers; InvalidScene lists all that is wrong with them (`mechanism_faults`)."""
+    """Bodies, joints and drivers; InvalidScene lists all that is wrong with them (`mechanism_faults`).
+
+    Lists and arrays will do for tuples.
+    """
 
     bodies: tuple[Body, ...]
     joints: tuple[Constraint, ...]
     drivers: tuple[Driver, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("bodies", "joints", "drivers"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
         if faults := list(mechanism_faults(self)):
             raise InvalidScene(faults, "mechanism")
 
@@ -136,9 +141,17 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("times", tuple), ("effects", frozenset), ("evidence", frozenset)):  # a row, a list will do
-            object.__setattr__(self, name, kind(getattr(self, name)))
-        if faults := list(scene_faults(self)):
+        expect("mechanism", self.mechanism, Mechanism)
+        rows = {"times": tuple, "points": tuple, "effects": frozenset, "evidence": frozenset}
+        rows |= {"bodies_wanted": tuple} if self.bodies_wanted is not None else {}
+        for name, kind in rows.items():  # a list will do
+            value = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Iterable):
+                raise InvalidScene([Fault(name, value, f"a {kind.__name__}, or a list")], self.name)
+            object.__setattr__(self, name, kind(map(plain, value)))
+        words = [("effects", x, Effect) for x in self.effects] + [("evidence", x, Evidence) for x in self.evidence]
+        strange = [Fault(name, x, f"some of {', '.join(kind)}") for name, x, kind in words if x not in [*kind]]
+        if faults := [*strange, *scene_faults(self)]:
             raise InvalidScene(faults, self.name)
 
     @property

@@ -217,7 +217,8 @@ class Constraint:
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield what is wrong with the constraint's own numbers."""
         for key, law in zip(self.law_keys, self.laws, strict=True):
-            yield from law.faults(f"{path}.{key}")
+            unknown = [Fault(f"{path}.{key}", law, "a law")]
+            yield from law.faults(f"{path}.{key}") if hasattr(law, "faults") else unknown
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

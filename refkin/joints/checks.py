@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from contextlib import suppress
+from dataclasses import MISSING, fields, is_dataclass, replace
+from functools import cache
+from numbers import Real
 from operator import ge
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
@@ -25,12 +31,28 @@ def kind_of(m: Any) -> Kind:
     return next((c.kind for c in (*m.joints, *m.drivers)), PLANE)
 
 
+def plain(given: Any) -> Any:
+    """Return what is given with tuples of Python's numbers in the place of lists and arrays, however deep they are."""
+    try:
+        hash(given)
+    except TypeError:
+        if isinstance(given, np.ndarray):
+            return plain(given.tolist())
+        if isinstance(given, list | tuple):
+            return tuple(map(plain, given))
+        if is_dataclass(given) and not isinstance(given, type):
+            return replace(given, **{key.name: plain(getattr(given, key.name)) for key in fields(given) if key.init})
+    return given
+
+
 def mechanism_faults(m: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a mechanism, or with what has its attributes; paths are those of a scene file."""
     bodies, joints, drivers = m.bodies, m.joints, m.drivers
     if not bodies:
         yield Fault("body", None, "at least one body")
     groups: dict[str, Sequence[Any]] = {"body": bodies, "joint": joints, "driver": drivers}
+    if strange := [fault for kind, items in groups.items() for fault in _type_faults(kind, items)]:
+        return (yield from strange)  # what else may be wrong cannot be asked
     taken = {"body": [GROUND], "joint": [], "driver": [c.name for c in joints]}
     for kind, items in groups.items():
         yield from (*_name_faults(kind, items, taken[kind]), *_finite_faults(kind, tuple(items)))
@@ -63,7 +85,10 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
-    numbers = [*filter(math.isfinite, times)]
+    try:
+        numbers = [*filter(math.isfinite, times)]
+    except TypeError:
+        return (yield Fault("times", list(times), "numbers [s]"))
     if not times:
         yield Fault("times", [], "at least one time")
     if len(numbers) < len(times):
@@ -77,6 +102,8 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
             yield _no_body(f"bodies_wanted[{k}]", body, names)
         elif body in bodies_wanted[:k]:
             yield Fault(f"bodies_wanted[{k}]", body, "each body once")
+    if strange := [*_type_faults("point", scene.points)]:
+        return (yield from strange)
     yield from _name_faults("point", scene.points)
     yield from _finite_faults("point", tuple(scene.points))
     for k, point in enumerate(scene.points):
@@ -96,17 +123,52 @@ def _paths(m: Any) -> list[tuple[str, Constraint]]:
 
 
 def _no_body(path: str, name: str, known: Iterable[str]) -> Fault:
-    names = tuple(filter(None, dict.fromkeys(known)))
+    names = tuple(map(str, filter(None, dict.fromkeys(known))))
     return Fault(path, name, f"a body of the scene: {', '.join(names)}", choices=names)
 
 
 def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> Iterator[Fault]:
     used = set(taken)
     for k, item in enumerate(items):
-        if not item.name or item.name in used:
-            expected = "a name not used before" if item.name else "a name that is not empty"
+        if not (isinstance(item.name, str) and item.name) or item.name in used:
+            expected = "a name not used before" if item.name in used else "a name that is not empty"
             yield Fault(f"{kind}[{k}].name", item.name, expected)
         used.add(item.name)
+
+
+def _type_faults(path: str, item: Any) -> Iterator[Fault]:
+    """Yield what holds no number, or not as many as its annotation says, in a dataclass or a row of them."""
+    if isinstance(item, tuple):
+        for k, part in enumerate(item):
+            yield from _type_faults(f"{path}[{k}]", part)
+        return
+    kind, one, _ = path.partition("[")
+    if "." not in path and not (one and is_dataclass(item) and hasattr(item, "type") == (kind in ("joint", "driver"))):
+        yield Fault(path, item, f"a {kind}" if one else "a tuple, or a list")
+        return
+    for key in fields(item):
+        x, at = getattr(item, key.name), f"{path}.{key.name}"
+        if hasattr(x, "__dataclass_fields__"):
+            yield from _type_faults(at, x)
+        elif (count := _counts(item.__class__).get(key.name)) and (x is not None or key.default is MISSING):
+            row = x if count != 1 else (x,)
+            if not isinstance(row, tuple) or not all(isinstance(y, Real) for y in row):
+                yield Fault(at, x, "a number" if count == 1 else "a row of numbers")
+            elif len(row) != count > 0:
+                yield WrongCount(at, [*row], f"{count} numbers, not {len(row)}")
+
+
+@cache
+def _counts(kind: Any) -> dict[str, int]:
+    """Return how many numbers each field of a dataclass holds, -1 for any; nothing of annotations unknown here."""
+    counts = {}
+    with suppress(NameError, TypeError):
+        for name, hint in get_type_hints(kind).items():
+            whole = [part for part in get_args(hint) if part is not NoneType] if NoneType in get_args(hint) else [hint]
+            parts = get_args(whole[0]) if get_origin(whole[0]) is tuple else whole
+            if all(part in (float, int, ...) for part in parts):
+                counts[name] = -1 if ... in parts else len(parts)
+    return counts
 
 
 def _finite_faults(path: str, item: Any) -> Iterator[Fault]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from refkin.joints.base import Blocks, Constraint, Kind, Rows, Unit
@@ -28,7 +29,8 @@ def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterat
 
 def with_unit_length(estimate: Any) -> Any:
     """Return the coordinates of a body with its Euler parameters, if it has any, scaled to length 1."""
-    if estimate is None or len(estimate) != SPACE.width:
+    row = isinstance(estimate, tuple) and len(estimate) == SPACE.width
+    if not row or not all(isinstance(x, Real) for x in estimate):
         return estimate
     length = math.hypot(*estimate[3:])
     if length == 0.0 or not math.isfinite(length) or abs(length - 1) <= 2.0**-50:

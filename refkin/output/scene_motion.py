@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from html import escape
+from numbers import Real
 from pathlib import Path
 from typing import Any, Self
 
@@ -116,7 +117,7 @@ class SceneMotion(Motion, Tabled):
         NothingToDraw
             If there is no pose, a body is lacking, or a rate was not called for.
         """
-        if t is not None and not np.isfinite(t):
+        if t is not None and not (isinstance(t, Real) and np.isfinite(t)):
             raise InvalidRequest("t", "a finite time [s]", repr(t))
         from refkin.output.drawing import RATES, Drawing
 

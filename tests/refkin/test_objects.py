@@ -1,0 +1,106 @@
+"""Scenes that are made of objects instead of read from a file: rows of any kind, and what is no number."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import AngleDriver, Body, Mechanism, Point, Polynomial, Revolute, Scene, Table
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def mechanism(pin=(0.0, 0.0), law=None, estimate=(0.0, 0.0, 0.0), name="crank"):
+    return Mechanism(
+        bodies=(Body(name=name, estimate=estimate),),
+        joints=(Revolute(name="A", body_i="ground", point_i=pin, body_j="crank", point_j=(0.0, 0.0)),),
+        drivers=(AngleDriver(name="motor", body="crank", law=law or Polynomial(coefficients=(0.0, 1.0))),),
+    )
+
+
+def scene(**more):
+    return Scene(**{"mechanism": mechanism(), "times": (0.0, 1.0), **more})
+
+
+def loose(item):
+    """What a program has rather than tuples: lists of objects, arrays of numbers."""
+    if isinstance(item, tuple):
+        numbers = item and all(isinstance(x, float) for x in item)
+        return np.array(item) if numbers else [loose(x) for x in item]
+    if hasattr(item, "__dataclass_fields__") and not isinstance(item, type):
+        return replace(item, **{key: loose(getattr(item, key)) for key in (f.name for f in fields(item) if f.init)})
+    return item
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.toml")), ids=lambda file: file.stem)
+def test_lists_and_arrays_make_the_same_scene(file):
+    strict = refkin.load(file)
+    m = strict.mechanism
+    parts = [loose(x) for x in (m.bodies, m.joints, m.drivers)]
+    again = replace(
+        strict, mechanism=Mechanism(*parts), times=np.array(strict.times), effects=list(strict.effects),
+        points=loose(strict.points),
+    )  # fmt: skip
+
+    assert again == strict
+    assert hash(again.mechanism) == hash(m)
+
+
+TABLE = Table(argument=np.array([0.0, 1.0, 2.0]), value=[0.0, 1.0, 1.5])
+WRONG = {
+    "joint[0].point_i: expected a row of numbers, got ('a', 0.0)": lambda: mechanism(pin=("a", 0.0)),
+    "joint[0].point_i: expected a row of numbers, got 'ab'": lambda: mechanism(pin="ab"),
+    "joint[0].point_i: expected a row of numbers\n": lambda: mechanism(pin=None),
+    "joint[0].point_i: expected a row of numbers, got (1j, 0.0)": lambda: mechanism(pin=(1j, 0.0)),
+    "joint[0].point_i: expected 2 numbers, not 1, got [1.0]": lambda: mechanism(pin=[1.0]),
+    "body[0].estimate: expected a row of numbers, got 5.0": lambda: mechanism(estimate=5.0),
+    "body[0].estimate: expected a row of numbers, got 'abc'": lambda: mechanism(estimate="abc"),
+    "body[0].name: expected a name that is not empty, got 5": lambda: mechanism(name=5),
+    "driver[0].law.coefficients: expected a row of numbers, got 2.0": lambda: mechanism(
+        law=Polynomial(coefficients=2.0)
+    ),
+    "driver[0].law: expected a law, got 'abc'": lambda: mechanism(law="abc"),
+    "body: expected a tuple, or a list, got Body(name='crank'": lambda: Mechanism(mechanism().bodies[0], ()),
+    "joint[0]: expected a joint, got Body(name='crank'": lambda: Mechanism(mechanism().bodies, mechanism().bodies),
+    "driver: expected a tuple, or a list": lambda: Mechanism(mechanism().bodies, mechanism().joints, None),
+    "times: expected a tuple, or a list, got 'abc'": lambda: scene(times="abc"),
+    "times: expected a tuple, or a list, got 1.0": lambda: scene(times=1.0),
+    "times: expected numbers [s], got ['0', '1']": lambda: scene(times=["0", "1"]),
+    "times: expected numbers [s], got [(0.0, 0.0)]": lambda: scene(times=np.zeros((1, 2))),
+    "effects: expected some of velocity, acceleration, got 'speed'": lambda: scene(effects=["speed"]),
+    "bodies_wanted: expected a tuple, or a list, got 'crank'": lambda: scene(bodies_wanted="crank"),
+    "point[0].position: expected a row of numbers, got 'ab'": lambda: scene(
+        points=[Point(name="P", body="crank", position="ab")]
+    ),
+}
+
+
+@pytest.mark.parametrize("made", WRONG.values(), ids=WRONG)
+def test_what_is_no_number_or_no_row_is_told_where_a_scene_is_made(made, request):
+    said = next(text for text, one in WRONG.items() if one is made)
+    with pytest.raises(refkin.InvalidScene) as caught:
+        made()
+    assert said in f"{caught.value}\n"
+
+
+def test_a_law_of_arrays_moves_a_scene_as_one_of_tuples_does():
+    one, other = (
+        refkin.solve(scene(mechanism=mechanism(law=law)))
+        for law in (TABLE, Table(argument=(0.0, 1.0, 2.0), value=(0.0, 1.0, 1.5)))
+    )
+    assert one.verdict == "ok"
+    assert np.array_equal(one.q, other.q)
+
+
+def test_only_a_time_is_drawn():
+    with pytest.raises(refkin.InvalidRequest, match=r"t: expected a finite time .*, got 'x'"):
+        refkin.solve(scene()).plot("x")
+
+
+def test_only_a_mechanism_moves():
+    with pytest.raises(TypeError, match="mechanism: expected a Mechanism, got a NoneType"):
+        scene(mechanism=None)
