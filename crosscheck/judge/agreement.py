@@ -13,7 +13,7 @@ from crosscheck.judge.comparison import Comparison, QuantityComparison, Referenc
 from crosscheck.judge.delivery import believed, misshapen
 from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.violations import violations
-from refkin.errors import RefkinError
+from refkin.errors import RefkinError, expect
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Status, engine_motion
 from refkin.output.tables import UNITS
@@ -50,6 +50,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     NothingToCompare
         If there is nothing that could be wrong.
     """
+    expect("motion", motion, Motion, Mapping)
+    expect("scene", scene, Scene)
     ref = reference(scene)
     answer = motion if isinstance(motion, Motion) else _completed(ref, motion)
     for why in misshapen(scene, answer):
@@ -69,6 +71,8 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
     t = ref.motion.t
     levels = [np.array(level) for level in ref.motion.levels]
     answered = times_with(ref.motion, Status.OK)
+    for body, coordinates in given.items():
+        expect(f"motion[{body!r}]", coordinates, Mapping)
     if not any(given.values()):
         raise NothingToCompare(f"{ref.scene.name}: the answer has no number")
     names = [[coordinate + "d" * order for coordinate in ref.motion.kind.coordinates] for order in range(3)]

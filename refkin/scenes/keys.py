@@ -32,10 +32,8 @@ from refkin.joints import (
 )
 from refkin.joints.checks import WrongCount, mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
-from refkin.scenes import DEEPEST, SCHEMA
+from refkin.scenes import DEEPEST, MOST_TIMES, SCHEMA
 from refkin.scenes.explained import GROUPS, KEYS, TYPES, UnknownKey, at, unconnected
-
-MOST_TIMES = 10_000_000
 
 if TYPE_CHECKING:
     AnyJoint = Constraint

@@ -279,3 +279,17 @@ for turn in (lambda: climb(1, 0, once, 1, 3), lambda: turn_of(once, (1.0, 3.0), 
 """
     done = subprocess.run([sys.executable, "-c", drawn], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == ["[]", "[]"]
+
+
+@pytest.mark.parametrize(
+    ("motion", "scene", "said"),
+    [
+        (None, FOUR_BAR, "motion: expected a Motion or Mapping, got a NoneType"),
+        (FOUR_BAR, None, "motion: expected a Motion or Mapping, got a Scene"),
+        ({}, "four-bar", "scene: expected a Scene, got a str"),
+        ({"rocker": np.zeros(3)}, FOUR_BAR, r"motion\['rocker'\]: expected a Mapping, got a ndarray"),
+    ],
+)
+def test_what_is_no_answer_or_no_scene_is_told(motion, scene, said):
+    with pytest.raises(TypeError, match=said):
+        crosscheck.assert_agrees(motion, scene)

@@ -104,3 +104,10 @@ def test_only_a_time_is_drawn():
 def test_only_a_mechanism_moves():
     with pytest.raises(TypeError, match="mechanism: expected a Mechanism, got a NoneType"):
         scene(mechanism=None)
+
+
+@pytest.mark.parametrize("samples", [1, 10**12, "5", None])
+def test_so_many_times_have_no_scene(samples):
+    bars = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.0, rocker=3.0)
+    with pytest.raises(refkin.InvalidScene, match="samples: expected a whole number from 2 to 10000000"):
+        bars.scene(samples=samples)

@@ -23,6 +23,7 @@ from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
 from refkin.output import Drawing, Picture
+from refkin.scenes import MOST_TIMES
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
 
 Pose = dict[str, tuple[float, float, float]]
@@ -366,11 +367,12 @@ def law_and_times(
         In place of all of these; times in [s].
     """
     given = None if times is None else [float(t) for t in times]
+    counted = f"a whole number from 2 to {MOST_TIMES}"
     asked = (
         ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
         ("start", start, _is_finite(start), "a finite angle [rad]"),
         ("turns", turns, given or (_is_finite(turns) and turns > 0), "a number above 0"),
-        ("samples", samples, given or (isinstance(samples, int) and samples > 1), "a whole number above 1"),
+        ("samples", samples, given or (isinstance(samples, int) and 1 < samples <= MOST_TIMES), counted),
     )
     faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits] if law is None else []
     if law is not None:
