@@ -15,7 +15,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
 from crosscheck.engines.spatial.kinds import JointKind
-from crosscheck.engines.spatial.system import Place, SpaceEngine, State
+from crosscheck.engines.spatial.system import Place, SpaceEngine, State, at_places
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import cross, length, parameters
 from refkin.joints import GROUND
@@ -108,12 +108,12 @@ class MujocoSpace(SpaceEngine):
         return np.concatenate(rows)
 
     def _moved(self) -> Array:
-        """Return which of the tree's rates move a place, 1 or 0, (P, v, 1)."""
+        """Return which of the tree's rates move a place, 1 or 0, (P, 1, v)."""
         m = self.model
         moves = np.zeros((m.nbody, m.nv))
         for body, parent in enumerate(m.body_parentid):
             moves[body] = moves[parent] + (m.dof_bodyid == body)
-        return (moves[self._bodies][:, self._v] @ self._from_tree != 0.0)[:, :, None] * 1.0
+        return (moves[self._bodies][:, self._v] @ self._from_tree != 0.0)[:, None] * 1.0
 
     def coordinates(self, q: Array) -> Array:
         """Return coordinates (..., n) of the tree as those of MuJoCo's joints, edge by edge: of a screw two."""
@@ -196,16 +196,11 @@ class MujocoSpace(SpaceEngine):
         frames = frames.take(self._bodies, axis=1).reshape(len(x), -1, 3, 3)
         r = x.take(self._bodies, axis=1) + (frames @ self._u[:, :, None])[..., 0]
         off = r - com.take(self._roots, axis=1)
-        return r, frames @ self._axes, self._at(off, twists).swapaxes(2, 3)
+        return r, frames @ self._axes, at_places(self._twists(twists), off, self._moves)
 
-    def _at(self, off: Array, twists: Array) -> Array:
-        """Return the velocities (B, P, v, 6) that twists (B, nv, 6) of joints give the places that they move."""
-        twists = self._from_tree.T @ twists.take(self._v, axis=1)
-        turn, shift = twists[:, None, :, :3], twists[:, None, :, 3:]
-        out = np.empty((*off.shape[:2], turn.shape[2], 6))
-        out[..., :3], out[..., 3:] = shift + cross(turn, off[:, :, None]), turn
-        out *= self._moves
-        return out
+    def _twists(self, axes: Array) -> Array:
+        """Return motion axes (B, nv, 6) of joints, the turn first, as twists (B, 6, v) of the tree's rates."""
+        return self._own(axes.swapaxes(1, 2)).take([3, 4, 5, 0, 1, 2], axis=1)
 
     def _own(self, rows: Array) -> Array:
         """Return rows (..., nv) of MuJoCo with columns of the tree's rates."""
@@ -224,7 +219,7 @@ class MujocoSpace(SpaceEngine):
         r, _, jac = self._placed(x, frames, com, twists)
         off = r - com.take(self._roots, axis=1)
         vel = np.einsum("bpiv,bv->bpi", jac, rates)
-        acc = np.einsum("bpvi,bv->bpi", self._at(off, changes), rates)
+        acc = np.einsum("bpiv,bv->bpi", at_places(self._twists(changes), off, self._moves), rates)
         acc[..., :3] += cross(vel[..., 3:], vel[..., :3])  # the place goes on while the axes turn
         if accelerations is not None:
             acc += np.einsum("bpiv,bv->bpi", jac, accelerations)

@@ -15,9 +15,9 @@ import pinocchio as pin
 
 from crosscheck.engines.pinocchio.model import WORLD_AXES
 from crosscheck.engines.spatial.kinds import JointKind
-from crosscheck.engines.spatial.system import Place, SpaceEngine, State
+from crosscheck.engines.spatial.system import Place, SpaceEngine, State, at_places
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
-from crosscheck.engines.spatial.turning import cross, length
+from crosscheck.engines.spatial.turning import length
 from refkin.joints import GROUND
 
 Array = Any
@@ -42,8 +42,14 @@ class PinocchioSpace(SpaceEngine):
         self.pairs = np.array(pairs, int).reshape(-1, 2)
         self.data = self.model.createData()
         self.contacts = [constraint.createData() for constraint in self.constraints]
-        self._rest = np.zeros(self.model.nv)
         self._moves = self._moved()
+        # Views, which Pinocchio fills; one column it has as a vector.
+        self._columns = self.data.J
+        self._placed = [(placed.rotation, placed.translation) for placed in self.data.oMi]
+        self._held = [
+            (constraint, contact, contact.oMc1.translation, contact.oMc2.translation)
+            for constraint, contact in zip(self.constraints, self.contacts, strict=True)
+        ]
 
     def _moved(self) -> Array:
         """Return which rates move a place, 1 or 0, (P, 1, v)."""
@@ -65,36 +71,23 @@ class PinocchioSpace(SpaceEngine):
         return (joint, back) if edge.kind != JointKind.FIXED else (joint, place * back)
 
     def still(self, q: Array) -> State:
-        model, data, count = self.model, self.data, len(q)
+        model, data, count, nv = self.model, self.data, len(q), self.model.nv
         turned, shifted = np.empty((count, model.njoints, 3, 3)), np.empty((count, model.njoints, 3))
-        columns = np.empty((count, *np.shape(data.J)))
-        gap, slopes = np.empty((count, len(self.contacts), 3)), np.empty((count, len(self.contacts), 3, model.nv))
-        held = [
-            (*both, gap[:, n], slopes[:, n]) for n, both in enumerate(zip(self.constraints, self.contacts, strict=True))
-        ]
-        views = [(columns, data.J)]  # of a single column a vector
-        for joint, placed in enumerate(data.oMi):
-            views += [(turned[:, joint], placed.rotation), (shifted[:, joint], placed.translation)]
+        columns, slopes = np.empty((count, *self._columns.shape)), np.empty((count, len(self.contacts), 3, nv))
+        gap = np.empty((count, len(self.contacts), 3))
         for k, at in enumerate(self.coordinates(q)):
             pin.computeJointJacobians(model, data, at)
-            for kept, view in views:
-                kept[k] = view
-            for constraint, contact, off, slope in held:
+            columns[k] = self._columns
+            for joint, (rotation, translation) in enumerate(self._placed):
+                turned[k, joint], shifted[k, joint] = rotation, translation
+            for n, (constraint, contact, one, other) in enumerate(self._held):
                 constraint.calc(model, data, contact)
-                off[k] = contact.oMc1.translation - contact.oMc2.translation
-                slope[k] = pin.getConstraintJacobian(model, data, constraint, contact).reshape(3, model.nv)
-        columns = columns.reshape(count, 6, model.nv)
+                gap[k, n] = one - other
+                slopes[k, n] = pin.getConstraintJacobian(model, data, constraint, contact).reshape(3, nv)
+        columns = columns.reshape(count, 6, nv)
         turned = turned.take(self._joints, axis=1)
         r = shifted.take(self._joints, axis=1) + (turned @ self._u[:, :, None])[..., 0]
-        return State(r, turned @ self._axes, self._at(r, columns), gap, slopes)
-
-    def _at(self, r: Array, columns: Array) -> Array:
-        """Return Jacobians (B, P, 6, v) of places from twists (B, 6, v) of joints, Pinocchio's at the origin."""
-        out = np.empty((*r.shape[:2], *columns.shape[1:]))
-        out[...] = columns[:, None]
-        out[:, :, :3] += cross(columns[:, None, 3:].swapaxes(2, 3), r[:, :, None]).swapaxes(2, 3)
-        out *= self._moves
-        return out
+        return State(r, turned @ self._axes, at_places(columns, r, self._moves), gap, slopes)
 
     def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
         model, data = self.model, self.data

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,7 +34,7 @@ from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold
 from crosscheck.engines.spatial.tree import SpaceTree, longest_chain
-from crosscheck.engines.spatial.turning import about_z, cross
+from crosscheck.engines.spatial.turning import about_z, cross, skew
 
 Array = Any
 
@@ -63,7 +63,7 @@ class SpaceEngine(Protocol):
         """Return velocities and accelerations (B, P, 6) of places, linear ones first, and d'' of pairs (B, K, 3)."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class State:
     """What rows are made of at B poses: P places, K pairs of them, v rates; moving also velocities and accelerations.
 
@@ -79,6 +79,21 @@ class State:
     vel: Array = None
     acc: Array = None
     gap_acc: Array = None
+
+
+def at_places(twists: Array, off: Array, moves: Array) -> Array:
+    """Return Jacobians (B, P, 6, v) of places, linear ones first, from the twists of rates at other points.
+
+    Parameters
+    ----------
+    twists, off, moves : (B, 6, v), (B, P, 3), (P, 1, v) array
+        Twists, the linear ones first; how far the places are off; which rates move them, 1 or 0.
+    """
+    out = np.empty((*off.shape[:2], *twists.shape[1:]))
+    out[...] = twists[:, None]
+    out[:, :, :3] -= skew(off) @ twists[:, None, 3:]
+    out *= moves
+    return out
 
 
 Law = tuple[Any, Any, Any]
@@ -109,6 +124,7 @@ class SpaceSystem(Equations):
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)
         self.own = 3 * len(self.pairs)
+        self._held = self.own + len(self._rows) + len(self._spins) + len(tree.balls)
 
     def _place(self, body: str, u: Any, axes: Any) -> int:
         self.places.append(Place(body, u, axes))
@@ -194,10 +210,6 @@ class SpaceSystem(Equations):
             k += 1
         return residual, jacobian
 
-    @property
-    def _held(self) -> int:
-        return self.own + len(self._rows) + len(self._spins) + len(self.tree.balls)
-
     def nu(self, q: Array, t: Array) -> Array:
         right = np.zeros((len(t), self._held + len(self._driven)))
         for k, (drive, law, _) in enumerate(self._driven):
@@ -206,16 +218,16 @@ class SpaceSystem(Equations):
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         rates = (self.tree.rates(q) @ qd[:, :, None])[:, :, 0]
-        vel, acc, gap_acc = self.engine.moving(q, rates, None)
-        state = replace(self.engine.still(q), vel=vel, acc=acc, gap_acc=gap_acc)
+        moving, state = self.engine.moving(q, rates, None), self.engine.still(q)
+        state.vel, state.acc, state.gap_acc = moving
         right = np.empty((len(t), self._held + len(self._driven)))
-        right[:, : self.own] = -gap_acc.reshape(len(t), self.own)
+        right[:, : self.own] = -state.gap_acc.reshape(len(t), self.own)
         k = self.own
         for row, law in self._rows:
             right[:, k] = row(state, law)[0]
             k += 1
         for place, line in self._spins:
-            right[:, k] = -_dots(state.axes[:, place] @ line, acc[:, place, 3:])
+            right[:, k] = -_dots(state.axes[:, place] @ line, state.acc[:, place, 3:])
             k += 1
         for ball in self.tree.balls:
             right[:, k] = -_dots(qd[:, ball], qd[:, ball])
