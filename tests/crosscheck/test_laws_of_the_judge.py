@@ -412,8 +412,8 @@ def test_where_a_solution_is_nothing_but_rounding_there_is_none_in_any_unit(size
 def test_a_residual_is_believed_as_a_part_of_the_farthest_coordinate(far, gap, believed):
     """Of exudyn's Newton in space, which reports success; a coordinate at zero beside it changes nothing."""
     q = np.array([far, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    parts = {"predicts": False, "accepted": 1e-10, "_rows": lambda q, t: (np.array([0.0, -gap * 1e-10 * far]), None)}
-    ends = SimpleNamespace(**parts, _shipped_newton=lambda t, start: q)
+    model = SimpleNamespace(both=lambda q, t: (np.array([0.0, -gap * 1e-10 * far]), None))
+    ends = SimpleNamespace(predicts=False, accepted=1e-10, model=model, _shipped_newton=lambda t, start: q)
     if believed:
         assert SpaceEquations.solved(ends, q, 0.0)[1] == gap * 1e-10 * far
     else:

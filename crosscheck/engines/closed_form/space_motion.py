@@ -65,8 +65,8 @@ def _read(frames: list[Frame], known: Array, count: int) -> tuple[Array, Array, 
         # A' A^T is the matrix of w; of A'' A^T the antisymmetric part is that of alpha
         w[0, :, b] = _vector_of(np.einsum("ikt,jkt->ijt", ad, a))
         w[1, :, b] = _vector_of(np.einsum("ikt,jkt->ijt", add, a))
-        for t in np.flatnonzero(known & np.isfinite(a).all(axis=(0, 1))):
-            p[t, b] = parameters(a[:, :, t])
+        there = known & np.isfinite(a).all(axis=(0, 1))
+        p[there, b] = parameters(np.moveaxis(a[:, :, there], 2, 0))
     r[:, ~known], w[:, ~known] = np.nan, np.nan
     return r, p, w
 

@@ -228,13 +228,13 @@ class ExudynSpace(ExudynSystem):
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return its Jacobian (m, 6 b) in columns (v, w) of each body."""
-        return self.both(q, t, common_columns(q))[1]
+        return self.both(q, t)[1] @ common_columns(q)
 
-    def both(self, q: Array, t: float, columns: Array) -> tuple[Array, Array]:
-        """Return rows (m,) and Jacobian (m, 6 b) at a configuration, given its `common_columns`."""
+    def both(self, q: Array, t: float) -> tuple[Array, Array]:
+        """Return rows (m,) and their Jacobian (m, 7 b) at a configuration, in columns that are exudyn's own."""
         self.set_state(q, t)
         rows = self.equations()
-        slopes = self.slopes(rows)[self.live] @ columns
+        slopes = self.slopes(rows)[self.live]
         return self.squared(rows)[self.live], slopes
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:

@@ -83,7 +83,7 @@ class SpaceEquations(OwnSolver):
     def __init__(self, model: ExudynSpace, tolerances: Sequence[float], *, shipped: bool) -> None:
         numbers = model.numbers
         self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
-        super().__init__(model, len(model.lines) + len(numbers.passive) + len(numbers.bodies), model.n)
+        super().__init__(model, len(model.lines), model.n)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
         self.together = not numbers.passive
         passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]
@@ -91,18 +91,20 @@ class SpaceEquations(OwnSolver):
         self.default = quiet_settings()
         bear_redundant_rows(self.default)
 
-    def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
-        bodies = q.reshape(-1, 7)
-        lengths = 0.5 * (np.sum(bodies[:, 3:] ** 2, axis=1) - 1.0)
-        q = unit(q)
-        still, columns = np.zeros(len(self.numbers.passive)), common_columns(q)
-        units = np.zeros((len(bodies), len(q)))
-        for k, at in enumerate(q.reshape(-1, 7)):
-            units[k, 7 * k + 3 : 7 * k + 7] = at[3:]
-        rows, slopes = self.model.both(q, t, columns)
-        common = np.concatenate([slopes, *self._spins(q)])
-        of_rates = columns.T * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(bodies))[:, None]  # w = 2 E p'
-        return np.concatenate([rows, still, lengths]), np.concatenate([common @ of_rates, units])
+    def _joined(self, solved: Sequence[tuple[Array, float, Array] | None]) -> tuple[Array, Array, Array]:
+        poses, slopes, residuals = super()._joined(solved)
+        return poses, self._whole(poses, slopes), residuals
+
+    def _whole(self, q: Array, slopes: Array) -> Array:
+        """Return the Jacobians (B, rows, n) of all rows, from exudyn's own (B, m, n)."""
+        columns, bodies = common_columns(q), len(self.numbers.bodies)
+        of_rates = columns.swapaxes(1, 2) * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], bodies)[:, None]  # w = 2 E p'
+        units = np.zeros((len(q), bodies, self.model.n))
+        for k in range(bodies):
+            p = slice(7 * k + 3, 7 * k + 7)
+            units[:, k, p] = q[:, p]
+        common = np.concatenate([slopes @ columns, self._spins(q)], axis=1)
+        return np.concatenate([common @ of_rates, units], axis=1)
 
     def nu(self, q: Array, t: Array) -> Array:
         out = []
@@ -132,13 +134,13 @@ class SpaceEquations(OwnSolver):
         if not np.isfinite(q).all():
             raise EngineError("its Newton ended in no number")
         q = unit(q)
-        rows, jacobian = self._rows(q, t)
-        gap = float(np.abs(rows).max())
+        rows, slopes = self.model.both(q, t)
+        gap = float(np.abs(rows).max(initial=0.0))
         if not gap <= self.accepted * max(1.0, np.abs(q).max()):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         if self.predicts:
             self._check_directions(q, t)
-        return q, gap, jacobian
+        return q, gap, slopes
 
     def _newton(self, t: float, start: Array) -> Array:
         extent = max(1.0, np.abs(start).max())
@@ -155,15 +157,18 @@ class SpaceEquations(OwnSolver):
 
         One is not always enough: of redundant rows its pivots choose some, and the others may keep their residual.
         """
-        poses = [q]
+        best, least, last = q, np.inf, q
         for _ in range(CORRECTIONS):
-            self.model.set_state(poses[-1], t)
+            self.model.set_state(last, t)
             if not self.model.newton(tolerance):
                 break
-            poses.append(self.model.coordinates())
-            if self._residual(poses[-1], t) <= SETTLED * max(1.0, np.abs(q).max()):
+            last = self.model.coordinates()
+            left = self._residual(last, t)
+            if left < least:
+                best, least = last, left
+            if left <= SETTLED * max(1.0, np.abs(q).max()):
                 break
-        return min(poses[1:] or poses, key=lambda pose: self._residual(pose, t))
+        return best
 
     def _residual(self, q: Array, t: float) -> float:
         """Return the largest residual of exudyn's rows."""
@@ -192,14 +197,13 @@ class SpaceEquations(OwnSolver):
                 if (np.cos(f) * x[:, 0] + np.sin(f) * x[:, 1]) @ y[:, 0] < 0.0:
                     raise EngineError(f"it reported success with {drive.name!r} off by pi")
 
-    def _spins(self, q: Array) -> Sequence[Array]:
-        rows = []
-        for spin in self.numbers.passive:
+    def _spins(self, q: Array) -> Array:
+        """Return the rows (B, spins, 6 b) that hold passive spins still, in columns (v, w)."""
+        rows = np.zeros((len(q), len(self.numbers.passive), 6 * len(self.numbers.bodies)))
+        for n, spin in enumerate(self.numbers.passive):
             body, (_, line) = next(iter(spin.items()))
             k = self.numbers.bodies.index(body)
-            row = np.zeros((1, 6 * len(self.numbers.bodies)))
-            row[0, 6 * k + 3 : 6 * k + 6] = matrix(q[7 * k + 3 : 7 * k + 7]) @ line
-            rows.append(row)
+            rows[:, n, 6 * k + 3 : 6 * k + 6] = matrix(q[:, 7 * k + 3 : 7 * k + 7]) @ line
         return rows
 
 

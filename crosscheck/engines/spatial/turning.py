@@ -45,15 +45,17 @@ def conjugate(p: Rows) -> Array:
 
 
 def matrix(p: Rows) -> Array:
-    """Return the rotation matrix (3, 3) of Euler parameters that need not be of length 1."""
-    e0, e1, e2, e3 = np.asarray(p, float) / np.linalg.norm(p)
-    return np.array(
-        [
-            [e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3, 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e3 + e0 * e2)],
-            [2 * (e1 * e2 + e0 * e3), e0 * e0 - e1 * e1 + e2 * e2 - e3 * e3, 2 * (e2 * e3 - e0 * e1)],
-            [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0 * e0 - e1 * e1 - e2 * e2 + e3 * e3],
-        ]
-    )
+    """Return the rotation matrices (..., 3, 3) of Euler parameters (..., 4) that need not be of length 1."""
+    p = np.asarray(p, float)
+    e0, e1, e2, e3 = np.moveaxis(p / length(p), -1, 0)
+    out = np.empty((*p.shape[:-1], 3, 3))
+    out[..., 0, 0] = e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3
+    out[..., 1, 1] = e0 * e0 - e1 * e1 + e2 * e2 - e3 * e3
+    out[..., 2, 2] = e0 * e0 - e1 * e1 - e2 * e2 + e3 * e3
+    out[..., 0, 1], out[..., 1, 0] = 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e2 + e0 * e3)
+    out[..., 0, 2], out[..., 2, 0] = 2 * (e1 * e3 + e0 * e2), 2 * (e1 * e3 - e0 * e2)
+    out[..., 1, 2], out[..., 2, 1] = 2 * (e2 * e3 - e0 * e1), 2 * (e2 * e3 + e0 * e1)
+    return out
 
 
 def about_z(angle: Any) -> Array:
