@@ -78,6 +78,7 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
     if evidence is None:
         return None
     sigma_min, condition, radius, covered = evidence
+    less = f"not asked {ready.dropped}" if ready.dropped else ""
     return motion_of(
         system,
         scene,
@@ -89,7 +90,7 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
         condition=condition,
         certified_radius=radius,
         producer=Producer.of_refkin("refkin.fast", ROUTE),
-        message="; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed), covered))),
+        message="; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed), covered, less))),
     )
 
 

@@ -21,7 +21,7 @@ from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.run import block_samples
 from refkin.fast.family import Family, family
 from refkin.fast.given import Estimates, Geometry
-from refkin.fast.prepare import upstream
+from refkin.fast.prepare import dropped, upstream
 from refkin.joints import PLANE, polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
@@ -79,7 +79,8 @@ class Many:
         What the reducer returned, in the order of its calls.
     unseen : str
         What may lead past something between two times and back, and is not looked at, in words; "" where one law alone
-        moves one loop, whose poses are then between those at the ends of a step.
+        moves one loop, whose poses are then between those at the ends of a step. And whether bodies can be assembled on
+        which nothing wanted depends.
     """
 
     family: Family
@@ -149,7 +150,8 @@ def solve_many(
     """
     expect("scene", scene, Scene)
     group, made = _prepared(scene, geometry, estimates)
-    samples, many = group.size, _unsolved(group, made, reducer is None)
+    left_out = dropped(scene.mechanism, group.scene.mechanism)
+    samples, many = group.size, _unsolved(group, made, left_out, reducer is None)
     blocks = math.ceil(samples / block_samples(made.marching))
     with np.errstate(all="ignore"):  # what a sample that is lost computes is nobody's concern
         for b in range(blocks):
@@ -186,7 +188,7 @@ def _called_for(scene: Scene) -> tuple[bool, bool, bool]:
     return True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects
 
 
-def _unsolved(group: Family, made: Compiled, stores: bool) -> Many:
+def _unsolved(group: Family, made: Compiled, left_out: str, stores: bool) -> Many:
     """Return what is to be filled in, without coordinates if a reducer gets them instead."""
     scene, times, system = group.scene, len(group.scene.times), group.system
 
@@ -201,6 +203,7 @@ def _unsolved(group: Family, made: Compiled, stores: bool) -> Many:
         "several laws together": sum(len(c.laws) for c in system.mechanism.constraints) > 1,
         "a cam's profile": bool(polar_cams(system.mechanism.constraints)),
         "a loop that another one moves": len(made.marching.outputs.determinants) > 1,
+        left_out: bool(left_out),
     }
     unseen = ", ".join(what for what, is_there in there.items() if is_there)
     return Many(group, np.array(scene.times), scene.wanted, codes, q, qd, qdd, empty(), radii, [], unseen)

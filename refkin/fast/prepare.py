@@ -26,13 +26,15 @@ class Prepared:
     """A scene, reduced to what is wanted, with its system and what is compiled of it.
 
     `start` is the first pose where it had to be found for that: to choose independent rows. Solving it changes nothing
-    in it, so that it can be solved again and again: what its times alone decide is computed once.
+    in it, so that it can be solved again and again: what its times alone decide is computed once. `dropped` says what
+    is not looked at, as nothing wanted depends on it.
     """
 
     scene: Scene
     system: System
     made: Compiled = field(repr=False)  # expressions are written as trees, which grow without bounds
     start: Start | None = None
+    dropped: str = ""
 
     @cached_property
     def t(self) -> Any:
@@ -83,7 +85,14 @@ def prepared(scene: Scene) -> Prepared | None:
     reduced = compile_system(mechanism, system.effects, system.unit)
     made = compiled(reduced, range(reduced.n), [p.g for p in reduced.placed])
     assert made is not None  # the part is solved by the same blocks as the whole
-    return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)
+    less = replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted)
+    return Prepared(less, reduced, made, dropped=dropped(scene.mechanism, mechanism))
+
+
+def dropped(whole: Mechanism, kept: Mechanism) -> str:
+    """Return in words what is not looked at of a mechanism of which a part is kept: a status says nothing of it."""
+    names = [body.name for body in whole.bodies if body not in kept.bodies]
+    return f"whether {', '.join(names)} can be assembled, as nothing wanted depends on it" if names else ""
 
 
 def program_of(scene: Scene) -> Program:

@@ -62,6 +62,9 @@ def sweep(scene: Scene) -> Motion:
     that, come near what it did: radii are about 20 times larger, 6e-15 for a four-bar. Where a time is in doubt for
     whatever reason the whole answer is that of `refkin.solve` itself; `motion.producer` tells which it is.
 
+    Bodies on which nothing wanted depends are left out, unless the condition is asked for: that is said in the message,
+    as a status then says nothing of them.
+
     Beside the answer the registers take memory: 5 MB for a four-bar, 64 MB at most for any mechanism.
     """
     return attempt(scene) or solve(scene)

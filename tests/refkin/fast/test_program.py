@@ -13,7 +13,7 @@ import pytest
 import refkin
 from refkin import Effect, FourBar, Point, SliderCrank
 from refkin.errors import RefkinError
-from refkin.fast import legend, program_of, sweep
+from refkin.fast import legend, program_of, solve_many, sweep
 from refkin.fast.elimination.program import SEGMENTS
 
 from .linkworks import chain
@@ -73,6 +73,24 @@ def test_a_point_is_wanted_with_its_body():
     point = Point(name="P", body="coupler1", position=(0.1, 0.2))
 
     assert len(program_of(replace(scene, points=(point,))).blocks) == 2
+
+
+@pytest.mark.parametrize("far", [0.0, 50.0])
+def test_a_status_says_nothing_of_bodies_that_are_left_out_and_the_message_says_so(far):
+    """A coupler that is 46.5 m too short; or one that is not."""
+    whole = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    moved = [replace(j, point_i=(j.point_i[0] + far, 0.0)) if j.name == "B0" else j for j in whole.mechanism.joints]
+    asked = replace(whole, mechanism=replace(whole.mechanism, joints=tuple(moved)), bodies_wanted=("crank",))
+    less = replace(asked, evidence=frozenset({refkin.Evidence.CERTIFICATE}))
+    said = "whether coupler, rocker can be assembled, as nothing wanted depends on it"
+
+    assert sweep(less).verdict == refkin.Status.OK
+    assert sweep(less).message == f"not asked {said}"
+    assert sweep(asked).verdict == refkin.solve(less).verdict == ("unassemblable" if far else "ok")
+    assert "not asked" not in sweep(asked).message
+    rows = {"A0": {"point_j": (np.full(2, -0.5), 0.0)}}
+    assert solve_many(less, rows).unseen == said
+    assert solve_many(replace(less, bodies_wanted=None), rows).unseen == ""
 
 
 def test_a_scene_that_asks_for_the_condition_number_keeps_all_bodies():
