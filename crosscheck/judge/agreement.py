@@ -11,6 +11,7 @@ from crosscheck.engines import Term
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import believed, misshapen
+from crosscheck.judge.points import points_off
 from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError, expect
@@ -103,7 +104,7 @@ def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) ->
     if compared.missing:
         of = f"{compared.missing} of {len(motion.status)} times"
         yield f"no answer at {of}, the first t = {compared.first_missing:.17g} s, where there is one, by proof"
-    for fault in believed(ref, motion):
+    for fault in (*believed(ref, motion), *points_off(ref, motion, QUANTITIES, terms, compared)):
         yield f"{fault['quantity']}: {fault['kind']}: {fault['message']}"
 
 

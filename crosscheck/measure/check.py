@@ -33,6 +33,7 @@ from crosscheck.judge.delivery import (
 )
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
 from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
+from crosscheck.judge.points import points_off
 from crosscheck.judge.records import (
     QUANTITIES,
     Answer,
@@ -314,6 +315,10 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     )
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
     faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *unclosed(ref, motion, terms)]
+    if scene.points and not motion.points:
+        reason = f"{engine.name} ({method.called}) gives no motion of points: they are not compared"
+        part.refusals.append(RefusalRow(engine=engine.name, reason=reason))
+    faults += points_off(ref, motion, method.delivers, terms, compared)
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
     turned_round = (
         _turned_round(method, subject, terms) if best and (subject.arbiter or subject.drawn(TURNED_ROUND)) else None

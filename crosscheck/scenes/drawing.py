@@ -39,7 +39,7 @@ from crosscheck.strategies import (
     spatial_scenes,
 )
 from refkin.joints import Driver
-from refkin.model import Scene
+from refkin.model import Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Integral
 from refkin.scenes.files import to_toml
@@ -53,6 +53,8 @@ CHAINS_EVERY = 7
 UNEVEN, ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 2, 5, 12, 19, 28
 """Of so many scenes, which one has times that are not evenly apart, which ends in a singular pose or in none, which is
 for features of engines, and which has equal links: `strategies.verdicts`, `scenes.featured`."""
+POINTED = (3, 17, 23)
+"""Of `SPECIAL_EVERY` scenes, which want the motion of a point, on the body in the middle: a coupler."""
 SPATIAL, MOST_OF_SPACE = (9, 23), 24
 """Of `SPECIAL_EVERY` scenes, which are of space, and how many times they have at most: a pose costs three times as much
 there."""
@@ -234,7 +236,8 @@ def _scenes_at(place: int, samples: int) -> st.SearchStrategy[Any]:
     Of equal links and for features, that is refused, as their simplest scenes are: so two more are drawn, and a number
     has the scene that it always had.
     """
-    return _with_ticket(_kind_at(place, samples), place in (EQUAL, FEATURED))
+    kind = _kind_at(place, samples)
+    return _with_ticket(kind.map(_pointed) if place in POINTED else kind, place in (EQUAL, FEATURED))
 
 
 def _kind_at(place: int, samples: int) -> st.SearchStrategy[Any]:
@@ -249,6 +252,14 @@ def _kind_at(place: int, samples: int) -> st.SearchStrategy[Any]:
     if place == UNEVEN:
         return drawn_scenes(samples=samples).map(_unevenly)
     return equal_linkages(samples) if place == EQUAL else drawn_scenes(samples=samples)
+
+
+def _pointed(drawn: Any) -> Any:
+    """Return the same scene with a point that is wanted: beside the line of the joints, and out of their plane."""
+    m = drawn.scene.mechanism
+    place = tuple(m.size() * part for part in (0.75, -0.375, 0.5))[: m.kind.dimension]
+    point = Point(name="P", body=m.bodies[len(m.bodies) // 2].name, position=place)
+    return replace(drawn, scene=replace(drawn.scene, points=(point,)))
 
 
 def _unevenly(drawn: Drawn) -> Drawn:

@@ -26,6 +26,7 @@ from crosscheck.engines import (
     SimulatingAdapter,
     Support,
     Term,
+    answered,
     derived,
     expressed,
     in_space,
@@ -41,15 +42,16 @@ from crosscheck.engines.exudyn.solve import (
     ShippedSolve,
     StaticNewton,
     in_metres,
+    placed,
     start_of,
     stopping_rule,
 )
 from crosscheck.engines.exudyn.space import NO_TWIST, STILL_TERMS, ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import SpaceModel
-from crosscheck.scenes.names import called_for, order_of
+from crosscheck.scenes.names import order_of
 from refkin.joints import SI, PointDistance, elements_of
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Route, engine_motion
+from refkin.motion import Motion, Producer, Route
 
 STATIC = route_by(
     "exudyn",
@@ -177,9 +179,9 @@ class PlaneModel(KeptModel):
         status, message = self.equations.status(poses, scene.times)
         names = [body.name for body in scene.mechanism.bodies]
         wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
-        levels = called_for(scene, [level[wanted] for level in in_metres(self.unit, poses.levels)])
-        more = {"residual": poses.residual, "message": message}
-        return engine_motion(scene.times, scene.wanted, *levels, status, self.producer, **more)
+        levels, more = in_metres(self.unit, poses.levels), {"residual": poses.residual, "message": message}
+        points = placed(scene.points, names, levels)
+        return answered(scene, [level[wanted] for level in levels], points, status, self.producer, **more)
 
     def stop(self, scene: Scene) -> Term:
         """Return what SolveStatic leaves of the residual in metres and rad."""

@@ -20,10 +20,10 @@ from exudyn import itemInterface as item
 from crosscheck.engines import Array, EngineRefusal, Switch, route_by
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.parts import Builder
-from crosscheck.engines.exudyn.solve import StaticNewton, rates_at
+from crosscheck.engines.exudyn.solve import StaticNewton, placed, rates_at
 from refkin.joints import GROUND, PointDistance, Unit, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Status
+from refkin.motion import Motion, PointMotion, Status
 
 UNEVEN = 1e-9
 """Times are taken for evenly spaced if no step differs from the first by more than this part of it."""
@@ -129,7 +129,9 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
             qdd[:, k] = _initial(model, q, qd, scene.times[k]) * scale
     finally:
         model.close()
-    return replace(motion, qdd=qdd, producer=replace(motion.producer, route=INITIAL))
+    at = placed(scene.points, motion.bodies, [motion.q, motion.qd, qdd])
+    points = {p.name: PointMotion(*levels) for p, levels in zip(scene.points, at, strict=True)}
+    return replace(motion, qdd=qdd, points=points, producer=replace(motion.producer, route=INITIAL))
 
 
 def _initial(model: ExudynModel, q: Array, qd: Array, t: float) -> Array:

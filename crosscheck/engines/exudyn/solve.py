@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -17,7 +17,7 @@ from crosscheck.engines.march import MarchResult, march, march_of
 from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
-from refkin.model import Scene
+from refkin.model import Point, Scene
 from refkin.motion import Status
 
 TOLERANCES = (1e-14, 1e-13, 1e-12)
@@ -333,6 +333,20 @@ def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
     bodies = len(levels[0]) // 3
     scale, shift = np.tile([unit.size, unit.size, 1.0], bodies), np.tile([*unit.origin, 0.0], bodies)
     return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]
+
+
+def placed(points: Sequence[Point], bodies: Sequence[str], levels: Sequence[Array]) -> Iterator[list[Array]]:
+    """Yield per level the motion of points, (2, T) each, with the bodies (3 b, T) that exudyn has moved, in metres."""
+    for point in points:
+        k = 3 * bodies.index(point.body)
+        (x, y), at = point.position, [level[k : k + 3] for level in levels]
+        cosine, sine = np.cos(at[0][2]), np.sin(at[0][2])
+        arm = np.array([cosine * x - sine * y, sine * x + cosine * y])
+        across = np.array([-arm[1], arm[0]])
+        moved = [at[0][:2] + arm, *(rate[:2] + across * rate[2] for rate in at[1:])]
+        if len(moved) > 2:
+            moved[2] -= arm * at[1][2] ** 2
+        yield moved
 
 
 def extrapolation(t: Array) -> Array:

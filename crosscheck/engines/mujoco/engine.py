@@ -229,9 +229,11 @@ class ThroughSites(TreeRows):
         self.sites = Sites(tree)
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
-        """Return the motion of the origins of bodies: position and velocity by sites, acceleration as elsewhere."""
+        """Return the motion of places, of origins of bodies position and velocity by sites, all else as elsewhere."""
         levels = super().motion(q, qd, qdd, places)
-        for k, at in enumerate(q):
-            for level, read in zip(levels, self.sites.read(at, None if qd is None else qd[k], places), strict=False):
-                level[k] = read
+        origins = [p for p, (_, u) in enumerate(places) if not any(u)]
+        of_sites = [places[p] for p in origins]
+        for k, at in enumerate(q) if origins else ():
+            for level, read in zip(levels, self.sites.read(at, None if qd is None else qd[k], of_sites), strict=False):
+                level[k, origins] = read
         return levels
