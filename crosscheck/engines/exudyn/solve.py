@@ -336,7 +336,14 @@ def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
 
 
 def placed(points: Sequence[Point], bodies: Sequence[str], levels: Sequence[Array]) -> Iterator[list[Array]]:
-    """Yield per level the motion of points, (2, T) each, with the bodies (3 b, T) that exudyn has moved, in metres."""
+    """Yield per level the motion of points, (2, T) each [m], with the bodies that exudyn has moved.
+
+    Parameters
+    ----------
+    points, bodies : sequence of Point, sequence of str
+    levels : sequence of (3 b, T) array
+        Coordinates of the bodies [m, rad], and as many rates as there are.
+    """
     for point in points:
         k = 3 * bodies.index(point.body)
         (x, y), at = point.position, [level[k : k + 3] for level in levels]
