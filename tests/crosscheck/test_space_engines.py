@@ -313,3 +313,17 @@ def test_points_that_a_scene_wants_move_as_the_reference_says(engine: str) -> No
     ours, theirs = (motion.points["P"] for motion in (refkin.solve(scene), load(engine).solve(scene)))
     for level in ("r", "v", "a"):
         assert np.max(np.abs(getattr(theirs, level) - getattr(ours, level))) < 1e-12
+
+
+@pytest.mark.parametrize("pitch", [-2.0, -0.125, 2.0])
+def test_a_screw_whose_slide_goes_as_far_as_it_turns_moves_what_hangs_on_it(pitch: float) -> None:
+    """Of pitch -1 in units of the size: what slide and hinge do to a place adds up to nothing."""
+    scene = space_scenes.screw_jack()
+    m = scene.mechanism
+    joints = tuple(replace(joint, pitch=pitch) if joint.name == "H" else joint for joint in m.joints)
+    scene = replace(scene, mechanism=replace(m, joints=joints), times=scene.times[:4])
+    record = check(scene, ["mujoco", "pinocchio"])
+
+    assert m.size() == 2.0
+    assert [str(seen) for seen in record.disagreements] == []
+    assert [answer.compared for answer in record.answers] == [4, 4]

@@ -113,7 +113,7 @@ class MujocoSpace(SpaceEngine):
         moves = np.zeros((m.nbody, m.nv))
         for body, parent in enumerate(m.body_parentid):
             moves[body] = moves[parent] + (m.dof_bodyid == body)
-        return (moves[self._bodies][:, self._v] @ self._from_tree != 0.0)[:, None] * 1.0
+        return (moves[self._bodies][:, self._v] @ np.abs(self._from_tree) > 0.0)[:, None] * 1.0
 
     def coordinates(self, q: Array) -> Array:
         """Return coordinates (..., n) of the tree as those of MuJoCo's joints, edge by edge: of a screw two."""

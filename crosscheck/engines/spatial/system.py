@@ -193,7 +193,7 @@ class SpaceSystem(Equations):
             residual[:, k], slopes[:, k] = row(state, law)
             k += 1
         for place, line in self._spins:
-            slopes[:, k] = _along_gradient(state.axes[:, place] @ line, state.jac[:, place, 3:])
+            slopes[:, k] = _through(state.axes[:, place] @ line, state.jac[:, place, 3:])
             k += 1
         np.matmul(slopes, columns, out=jacobian[:, :k])
         for ball in self.tree.balls:
@@ -203,7 +203,7 @@ class SpaceSystem(Equations):
             f = tabulated(t, 0) / drive.size
             if callable(what):
                 residual[:, k], slope = what(state, (f, 0.0, 0.0))
-                jacobian[:, k] = _along_gradient(slope, columns)
+                jacobian[:, k] = _through(slope, columns)
             else:
                 column, factor, shift = what
                 residual[:, k], jacobian[:, k, column] = q[:, column] * factor + shift - f, factor
@@ -266,7 +266,7 @@ def _dots(a: Any, b: Any) -> Any:
     return np.add.reduce(a * b, axis=1)
 
 
-def _along_gradient(a: Any, slopes: Any) -> Any:
+def _through(a: Any, slopes: Any) -> Any:
     """Return vectors (B, k) times matrices (B, k, v), (B, v)."""
     return (a[:, None] @ slopes)[:, 0]
 
@@ -305,7 +305,7 @@ def _dot(i: int, a: int, j: int, b: int) -> Row:
         if state.vel is not None:
             return -_product(_axis_motion(state, i, a), _axis_motion(state, j, b)), None
         x, y = state.axes[:, i, :, a], state.axes[:, j, :, b]
-        return _dots(x, y), _along_gradient(cross(y, x), _turns(state, i, j))  # y . (w_i x x) + x . (w_j x y)
+        return _dots(x, y), _through(cross(y, x), _turns(state, i, j))  # y . (w_i x x) + x . (w_j x y)
 
     return row
 
@@ -315,7 +315,7 @@ def _along(i: int, a: int, j: int) -> Row:
         if state.vel is not None:
             return f[2] - _product(_axis_motion(state, i, a), _gap_motion(state, i, j)), None
         x, (d, dd) = state.axes[:, i, :, a], _gap(state, i, j)
-        return _dots(x, d) - f[0], _along_gradient(cross(x, d), state.jac[:, i, 3:]) + _along_gradient(x, dd)
+        return _dots(x, d) - f[0], _through(cross(x, d), state.jac[:, i, 3:]) + _through(x, dd)
 
     return row
 
@@ -327,7 +327,7 @@ def _distance(i: int, j: int) -> Row:
             d = _gap_motion(state, i, j)
             return (f[1] * f[1] + f[0] * f[2] - 0.5 * _product(d, d)) / length, None
         d, dd = _gap(state, i, j)
-        return (_dots(d, d) - f[0] * f[0]) / (2.0 * length), _along_gradient(d, dd) / length[..., None]
+        return (_dots(d, d) - f[0] * f[0]) / (2.0 * length), _through(d, dd) / length[..., None]
 
     return row
 
@@ -341,7 +341,7 @@ def _angle(i: int, j: int) -> Row:
             return f[2] - _dots(h, state.acc[:, j, 3:] - state.acc[:, i, 3:]), None
         x = state.axes[:, i].swapaxes(1, 2) @ state.axes[:, j]
         angle = np.arctan2(x[:, 1, 0] - x[:, 0, 1], x[:, 0, 0] + x[:, 1, 1])
-        return _nearest(angle - f[0]), _along_gradient(h, _turns(state, i, j))
+        return _nearest(angle - f[0]), _through(h, _turns(state, i, j))
 
     return row
 
@@ -370,7 +370,7 @@ def _twist(i: int, j: int) -> Row:
     def row(state: State, f: Law) -> tuple[Any, Any]:
         x, further, about, beside = _turn(state, i, j, f[0])
         if state.vel is None:
-            return further, _along_gradient(about, _turns(state, i, j))
+            return further, _through(about, _turns(state, i, j))
         w, own = state.vel[:, i, 3:], np.multiply(f[1], x[:, :, H].T).T
         g, f_ = (_turning(x[:, :, a], w + own, state.acc[:, i, 3:] + cross(w, own)) for a in (G, F))
         bend = _product(g, _axis_motion(state, j, F)) - _product(f_, _axis_motion(state, j, G))
