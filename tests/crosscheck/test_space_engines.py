@@ -315,7 +315,7 @@ def test_points_that_a_scene_wants_move_as_the_reference_says(engine: str) -> No
         assert np.max(np.abs(getattr(theirs, level) - getattr(ours, level))) < 1e-12
 
 
-@pytest.mark.parametrize("pitch", [-2.0, -0.125, 2.0])
+@pytest.mark.parametrize("pitch", [-2.0, -0.125])
 def test_a_screw_whose_slide_goes_as_far_as_it_turns_moves_what_hangs_on_it(pitch: float) -> None:
     """Of pitch -1 in units of the size: what slide and hinge do to a place adds up to nothing."""
     scene = space_scenes.screw_jack()
