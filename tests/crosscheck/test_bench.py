@@ -438,7 +438,7 @@ def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
     out = json.loads(capsys.readouterr().out)
 
     assert end.value.code == 0
-    assert set(out) == {"rows", "absent", "versions", "machine"}
+    assert set(out) == {"schema", "rows", "absent", "versions", "machine"}
     assert {entry["workload"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
     assert out["machine"]["threads"] == "1"
 
