@@ -20,7 +20,16 @@ from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import Hold
-from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, matrix, parameters, product, rates
+from crosscheck.engines.spatial.turning import (
+    bends,
+    conjugate,
+    continuous,
+    joint_frame,
+    matrix,
+    parameters,
+    product,
+    rates,
+)
 from crosscheck.judge.budget import (
     BOTH_SIDES,
     SAFETY,
@@ -617,3 +626,15 @@ def test_a_residual_that_redundant_rows_leave_explains_the_rates_of_rows_that_we
 
 def test_rows_that_become_dependent_on_the_way_lose_no_rates():
     assert check(refkin.load(CORPUS / "space-bennett-by-the-program.toml"), ["refkin-batch"]).disagreements == []
+
+
+def test_signs_of_euler_parameters_go_on_from_row_to_row_past_those_that_are_not_there():
+    angles = np.linspace(0.0, 4.0 * np.pi, 25)
+    smooth = np.stack([np.cos(angles / 2), 0.6 * np.sin(angles / 2), 0.0 * angles, 0.8 * np.sin(angles / 2)], axis=1)
+    signs = np.random.default_rng(1).choice([-1.0, 1.0], size=25)
+    given = smooth * signs[:, None]
+    given[[0, 7, 8, 24]] = np.nan
+    expected = smooth * signs[1]
+    expected[[0, 7, 8, 24]] = np.nan
+
+    assert np.array_equal(continuous(given), expected, equal_nan=True)
