@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, reduce
@@ -69,10 +69,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, joints and drivers; InvalidScene lists all that is wrong with them (`mechanism_faults`).
-
-    Lists and arrays will do for tuples.
-    """
+    """Bodies, joints and drivers, in lists if need be; InvalidScene has all that is wrong (`mechanism_faults`)."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Constraint, ...]
@@ -145,10 +142,10 @@ class Scene:
         rows = {"times": tuple, "points": tuple, "effects": frozenset, "evidence": frozenset}
         rows |= {"bodies_wanted": tuple} if self.bodies_wanted is not None else {}
         for name, kind in rows.items():  # a list will do
-            value = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, Iterable):
+            value = plain(getattr(self, name))
+            if not isinstance(value, tuple | frozenset | set):
                 raise InvalidScene([Fault(name, value, f"a {kind.__name__}, or a list")], self.name)
-            object.__setattr__(self, name, kind(map(plain, value)))
+            object.__setattr__(self, name, kind(value))
         words = [("effects", x, Effect) for x in self.effects] + [("evidence", x, Evidence) for x in self.evidence]
         strange = [Fault(name, x, f"some of {', '.join(kind)}") for name, x, kind in words if x not in [*kind]]
         if faults := [*strange, *scene_faults(self)]:

@@ -13,6 +13,7 @@ dw = 2 (|dp'| + |p'| |dp|), dalpha = 2 (|dp''| + |p''| |dp|). To compose a point
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
@@ -67,7 +68,9 @@ def points_off(
                 yield wrong(quantity, Cause.NOT_DELIVERED, f"point {point.name!r}: expected shape {np.shape(true)}")
             elif of_bodies.agrees and samples.any() and point.body not in spinning:
                 off = np.max(np.abs(own - true)[:, samples], axis=0)
-                ratio = np.where(np.isfinite(off), off, np.inf) / most[samples]
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    ratio = np.where(np.isfinite(off), off, np.inf) / most[samples]
+                ratio[off == 0.0] = 0.0  # at rest nothing is allowed, and nothing is off
                 k = int(np.argmax(ratio))
                 if ratio[k] > 1.0:
                     where = f"by {off[k]:.3g} at t = {motion.t[samples][k]:.17g}, {ratio[k]:.3g} times the allowed"
@@ -76,7 +79,7 @@ def points_off(
 
 def _allowed(ref: Reference, levels: Any, point: Any, ours: Any) -> list[Any]:
     """Return how far a point may be off in position, velocity and acceleration, (T,) each [m, s]."""
-    system, size, arm = ref.system, ref.system.unit.size, float(np.linalg.norm(point.position))
+    system, size, arm = ref.system, ref.system.unit.size, math.hypot(*point.position)
     columns, d = system.columns(point.body), system.kind.dimension
     (dr, dv, da), (dt, dw, dalpha), (_, w, alpha) = (
         [np.linalg.norm(level[columns][part], axis=0) for level in of]

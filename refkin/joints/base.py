@@ -29,7 +29,7 @@ from typing import Any
 
 from refkin.errors import Fault
 from refkin.joints.elements import GROUND, Element
-from refkin.motion_laws import STRICT, Law
+from refkin.motion_laws import STRICT, Integral, Law
 from refkin.vec import BodyValues, Scalar, Vec
 
 Triple = tuple[Scalar, Scalar, Scalar]
@@ -217,8 +217,9 @@ class Constraint:
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield what is wrong with the constraint's own numbers."""
         for key, law in zip(self.law_keys, self.laws, strict=True):
-            unknown = [Fault(f"{path}.{key}", law, "a law")]
-            yield from law.faults(f"{path}.{key}") if hasattr(law, "faults") else unknown
+            known = law.rate if isinstance(law, Integral) else law
+            unknown = isinstance(known, type) or not hasattr(known, "faults")
+            yield from [Fault(f"{path}.{key}", known, "a law")] if unknown else law.faults(f"{path}.{key}")
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import cache
-from numbers import Real
 from operator import ge
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -36,11 +35,10 @@ def plain(given: Any) -> Any:
     try:
         hash(given)
     except TypeError:
-        if isinstance(given, np.ndarray):
-            return plain(given.tolist())
+        given = given.tolist() if isinstance(given, np.ndarray) else given
         if isinstance(given, list | tuple):
             return tuple(map(plain, given))
-        if is_dataclass(given) and not isinstance(given, type):
+        if _is_instance(given):
             return replace(given, **{key.name: plain(getattr(given, key.name)) for key in fields(given) if key.init})
     return given
 
@@ -85,10 +83,9 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
-    try:
-        numbers = [*filter(math.isfinite, times)]
-    except TypeError:
+    if not all(map(_is_number, times)):
         return (yield Fault("times", list(times), "numbers [s]"))
+    numbers = [*filter(math.isfinite, times)]
     if not times:
         yield Fault("times", [], "at least one time")
     if len(numbers) < len(times):
@@ -138,24 +135,31 @@ def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> 
 
 def _type_faults(path: str, item: Any) -> Iterator[Fault]:
     """Yield what holds no number, or not as many as its annotation says, in a dataclass or a row of them."""
-    if isinstance(item, tuple):
+    kind, one, _ = path.partition("[")
+    of_joints = "." in path or hasattr(item, "type") == (kind in ("joint", "driver"))
+    if isinstance(item, tuple) and not one:
         for k, part in enumerate(item):
             yield from _type_faults(f"{path}[{k}]", part)
-        return
-    kind, one, _ = path.partition("[")
-    if "." not in path and not (one and is_dataclass(item) and hasattr(item, "type") == (kind in ("joint", "driver"))):
+    elif not (one and _is_instance(item) and of_joints):
         yield Fault(path, item, f"a {kind}" if one else "a tuple, or a list")
-        return
-    for key in fields(item):
-        x, at = getattr(item, key.name), f"{path}.{key.name}"
-        if hasattr(x, "__dataclass_fields__"):
-            yield from _type_faults(at, x)
-        elif (count := _counts(item.__class__).get(key.name)) and (x is not None or key.default is MISSING):
-            row = x if count != 1 else (x,)
-            if not isinstance(row, tuple) or not all(isinstance(y, Real) for y in row):
-                yield Fault(at, x, "a number" if count == 1 else "a row of numbers")
-            elif len(row) != count > 0:
-                yield WrongCount(at, [*row], f"{count} numbers, not {len(row)}")
+    else:
+        for key in fields(item):
+            x, count = getattr(item, key.name), _counts(item.__class__).get(key.name, 0)
+            row = (x,) if count == 1 else x
+            held = isinstance(row, tuple) and all(map(_is_number, row)) and not len(row) != count > 0
+            if _is_instance(x):
+                yield from _type_faults(f"{path}.{key.name}", x)
+            elif count and not held and (x is not None or key.default is MISSING):
+                expected = {1: "a number", -1: "a row of numbers"}.get(count, f"a row of {count} numbers")
+                yield Fault(f"{path}.{key.name}", x, expected)
+
+
+def _is_instance(item: Any) -> bool:
+    return is_dataclass(item) and not isinstance(item, type)
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, float) or (isinstance(x, int) and abs(x) < LONGEST)
 
 
 @cache
@@ -178,7 +182,7 @@ def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
     elif isinstance(item, tuple):
         for k, part in enumerate(item):
             yield from _finite_faults(f"{path}[{k}]", part)
-    elif hasattr(item, "__dataclass_fields__"):
+    elif _is_instance(item):
         for key in fields(item):
             yield from _finite_faults(f"{path}.{key.name}", getattr(item, key.name))
 

@@ -131,3 +131,21 @@ def test_a_night_draws_scenes_that_want_a_point(place):
 
     assert all(len(scene.points) == 1 for scene in drawn)
     assert all(scene.points[0].body in [body.name for body in scene.mechanism.bodies] for scene in drawn)
+
+
+@pytest.mark.parametrize("law", [(0.3, 0.0, 1.0), (0.3,)])
+def test_a_time_at_rest_hides_no_other(law, monkeypatch):
+    """Where nothing moves nothing is allowed: 0 / 0 is no ratio, and a number there is beyond all bounds."""
+    crank = refkin.Mechanism(
+        [refkin.Body(name="crank", estimate=[0.0, 0.0, 0.3])],
+        [refkin.Revolute(name="A", body_i="ground", point_i=[0.0, 0.0], body_j="crank", point_j=[0.0, 0.0])],
+        [refkin.AngleDriver(name="motor", body="crank", law=refkin.Polynomial(coefficients=law))],
+    )
+    still = refkin.Scene(
+        mechanism=crank, times=[0.0, 0.1, 0.2], points=[refkin.Point(name="P", body="crank", position=[1.0, 0.0])]
+    )
+    assert faults(still, ("pinocchio",))[1] == []
+    planted(monkeypatch, lambda p: PointMotion(p.r, p.v + [0.0, 0.0, 5.0], p.a))
+    _, wrong = faults(still, ("pinocchio",))
+
+    assert {fault.quantity for fault in wrong} == {"velocity"}

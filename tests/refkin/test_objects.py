@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import refkin
+import refkin.scenes.files
 from refkin import AngleDriver, Body, Mechanism, Point, Polynomial, Revolute, Scene, Table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -20,6 +22,11 @@ def mechanism(pin=(0.0, 0.0), law=None, estimate=(0.0, 0.0, 0.0), name="crank"):
         joints=(Revolute(name="A", body_i="ground", point_i=pin, body_j="crank", point_j=(0.0, 0.0)),),
         drivers=(AngleDriver(name="motor", body="crank", law=law or Polynomial(coefficients=(0.0, 1.0))),),
     )
+
+
+def driven(**law):
+    m = mechanism()
+    return replace(m, drivers=(AngleDriver(name="motor", body="crank", **law),))
 
 
 def scene(**more):
@@ -52,11 +59,11 @@ def test_lists_and_arrays_make_the_same_scene(file):
 
 TABLE = Table(argument=np.array([0.0, 1.0, 2.0]), value=[0.0, 1.0, 1.5])
 WRONG = {
-    "joint[0].point_i: expected a row of numbers, got ('a', 0.0)": lambda: mechanism(pin=("a", 0.0)),
-    "joint[0].point_i: expected a row of numbers, got 'ab'": lambda: mechanism(pin="ab"),
-    "joint[0].point_i: expected a row of numbers\n": lambda: mechanism(pin=None),
-    "joint[0].point_i: expected a row of numbers, got (1j, 0.0)": lambda: mechanism(pin=(1j, 0.0)),
-    "joint[0].point_i: expected 2 numbers, not 1, got [1.0]": lambda: mechanism(pin=[1.0]),
+    "joint[0].point_i: expected a row of 2 numbers, got ('a', 0.0)": lambda: mechanism(pin=("a", 0.0)),
+    "joint[0].point_i: expected a row of 2 numbers, got 'ab'": lambda: mechanism(pin="ab"),
+    "joint[0].point_i: expected a row of 2 numbers\n": lambda: mechanism(pin=None),
+    "joint[0].point_i: expected a row of 2 numbers, got (1j, 0.0)": lambda: mechanism(pin=(1j, 0.0)),
+    "joint[0].point_i: expected a row of 2 numbers, got (1.0,)": lambda: mechanism(pin=[1.0]),
     "body[0].estimate: expected a row of numbers, got 5.0": lambda: mechanism(estimate=5.0),
     "body[0].estimate: expected a row of numbers, got 'abc'": lambda: mechanism(estimate="abc"),
     "body[0].name: expected a name that is not empty, got 5": lambda: mechanism(name=5),
@@ -64,6 +71,18 @@ WRONG = {
         law=Polynomial(coefficients=2.0)
     ),
     "driver[0].law: expected a law, got 'abc'": lambda: mechanism(law="abc"),
+    "joint[0].point_i: expected a row of 2 numbers, got (np.float32(nan), 0.2)": lambda: mechanism(
+        pin=(np.float32("nan"), 0.2)
+    ),
+    "body[0].estimate: expected a row of numbers, got (100000": lambda: mechanism(estimate=(10**400, 0.0, 0.0)),
+    "driver[0].rate_law: expected a law, got 3.0": lambda: driven(rate_law=3.0),
+    "driver[0].law: expected a law, got <class 'refkin.motion_laws.Polynomial'>": lambda: driven(law=Polynomial),
+    "body[0]: expected a body, got (Body(name='crank'": lambda: Mechanism([[mechanism().bodies[0]]], ()),
+    "body[0]: expected a body, got <class 'refkin.model.Body'>": lambda: Mechanism([Body], ()),
+    "times: expected a tuple, or a list, got b'ab'": lambda: scene(times=b"ab"),
+    "times: expected numbers [s], got [(1+0j)]": lambda: scene(times=np.ones(1, complex)),
+    "times: expected a tuple, or a list, got 2.0": lambda: scene(times=np.array(2.0)),
+    "times: expected numbers [s], got [Decimal('1')]": lambda: scene(times=[Decimal(1)]),
     "body: expected a tuple, or a list, got Body(name='crank'": lambda: Mechanism(mechanism().bodies[0], ()),
     "joint[0]: expected a joint, got Body(name='crank'": lambda: Mechanism(mechanism().bodies, mechanism().bodies),
     "driver: expected a tuple, or a list": lambda: Mechanism(mechanism().bodies, mechanism().joints, None),
@@ -94,6 +113,14 @@ def test_a_law_of_arrays_moves_a_scene_as_one_of_tuples_does():
     )
     assert one.verdict == "ok"
     assert np.array_equal(one.q, other.q)
+
+
+@pytest.mark.parametrize("kind", [int, np.int32, np.float32, float, object])
+def test_arrays_of_any_numbers_are_numbers_of_python(kind):
+    made = scene(mechanism=mechanism(pin=np.array([1, 2], kind)), times=np.array([0, 1], kind))
+
+    assert made == refkin.scenes.files.parse(refkin.scenes.files.to_dict(made))
+    assert all(type(t) in (int, float) for t in made.times)
 
 
 def test_only_a_time_is_drawn():
