@@ -145,7 +145,7 @@ def test_a_time_at_rest_hides_no_other(law, monkeypatch):
         mechanism=crank, times=[0.0, 0.1, 0.2], points=[refkin.Point(name="P", body="crank", position=[1.0, 0.0])]
     )
     assert faults(still, ("pinocchio",))[1] == []
-    planted(monkeypatch, lambda p: PointMotion(p.r, p.v + [0.0, 0.0, 5.0], p.a))
+    planted(monkeypatch, lambda p: PointMotion(p.r, p.v + np.array([0.0, 0.0, 5.0]), p.a))
     _, wrong = faults(still, ("pinocchio",))
 
     assert {fault.quantity for fault in wrong} == {"velocity"}
