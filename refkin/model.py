@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, reduce
@@ -141,9 +141,9 @@ class Scene:
         expect("mechanism", self.mechanism, Mechanism)
         rows = {"times": tuple, "points": tuple, "effects": frozenset, "evidence": frozenset}
         rows |= {"bodies_wanted": tuple} if self.bodies_wanted is not None else {}
-        for name, kind in rows.items():  # a list will do
+        for name, kind in rows.items():  # a list will do, or a range
             value = plain(getattr(self, name))
-            if not isinstance(value, tuple | frozenset | set):
+            if isinstance(value, str | bytes) or not isinstance(value, Iterable):
                 raise InvalidScene([Fault(name, value, f"a {kind.__name__}, or a list")], self.name)
             object.__setattr__(self, name, kind(value))
         words = [("effects", x, Effect) for x in self.effects] + [("evidence", x, Evidence) for x in self.evidence]

@@ -123,6 +123,13 @@ def test_arrays_of_any_numbers_are_numbers_of_python(kind):
     assert all(type(t) in (int, float) for t in made.times)
 
 
+@pytest.mark.parametrize(
+    "times", [range(3), (float(k) for k in range(3)), dict.fromkeys((0, 1, 2))], ids=["range", "generator", "keys"]
+)
+def test_times_may_come_from_anything_that_yields_them(times):
+    assert scene(times=times) == scene(times=(0.0, 1.0, 2.0))
+
+
 def test_only_a_time_is_drawn():
     with pytest.raises(refkin.InvalidRequest, match=r"t: expected a finite time .*, got 'x'"):
         refkin.solve(scene()).plot("x")
