@@ -33,14 +33,13 @@ from crosscheck.engines import (
     terms_of,
 )
 from crosscheck.engines.undisturbed import quiet
+from crosscheck.scenes.names import OURS as OURS
 from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
-OURS = ("refkin", "refkin-batch", "scipy", "numpy", "c")
-"""Producers that are no engine: they solve the reference's equations, or know what a four-bar is."""
 PRICED = ("refkin", "refkin-batch", "scipy", *PEERS)
 """Whose methods a price list has by default."""
 MODULES = {

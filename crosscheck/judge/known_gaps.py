@@ -143,14 +143,14 @@ class Tally:
 def table(choice: str = "") -> tuple[KnownGap, ...]:
     """Return the table that a run is held against: our own, that of a file, or for "none" one without rows.
 
-    UsageError or OSError if the file makes no sense, or cannot be read.
+    UsageError if the file makes no sense, or cannot be read.
     """
     if choice == "none":
         return ()
     try:
         return read(Path(choice).read_text(encoding="utf-8") if choice else None)
-    except (InvalidGap, UnicodeDecodeError) as error:
-        raise UsageError(f"{choice}: {error}") from error
+    except (InvalidGap, UnicodeDecodeError, OSError) as error:
+        raise UsageError(f"{choice}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def told(record: Record, disagreement: Disagreement) -> str:

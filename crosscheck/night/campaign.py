@@ -87,7 +87,7 @@ def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> Ni
 
 def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progress: Progress) -> None:
     turns = Turns(journal)
-    _agree_with_what_is_there(plan, outcome, turns)
+    begun = _agree_with_what_is_there(plan, outcome, turns)
     outcome.checked = len(journal.keys)
     made: dict[str, Any] = {"count": plan.workers, "engines": outcome.engines, "seconds": plan.scene_seconds}
     if plan.cluster is not None:
@@ -96,6 +96,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
     else:
         pool = Workers(CHECK, **made)
     with pool as workers:
+        _write_how(plan, outcome, begun)
         for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
             journal.append(replace(record, run=of_run(plan.seed, outcome.versions)))
             outcome.checked = len(journal.keys)
@@ -318,8 +319,11 @@ def of_run(seed: int, versions: Mapping[str, str]) -> str:
     return hashlib.sha256(same.encode()).hexdigest()[:16]
 
 
-def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> None:
-    """Write how the run is made, unless the folder holds one of other source, versions, engines or scenes."""
+def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> str | None:
+    """Return when the run in the folder was begun, None if there is none; OtherRun if it is made otherwise.
+
+    That is, from other source, with other versions or engines, or of other scenes.
+    """
     before, now = _made(plan.out), _made_by(version("refkin"), digest(), plan.scene_seconds, outcome.versions)
     if before is not None and (there := before["made_by"]) != now:
         keys = [key for key in {**there, **now} if there.get(key) != now.get(key)]
@@ -332,6 +336,11 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         (key, few), scene = turns.drawn[number], draw(plan.seed, number).scene
         if key_of(shortened(scene) if few else scene) != key:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
+    return (before or {}).get("date")
+
+
+def _write_how(plan: NightPlan, outcome: NightOutcome, begun: str | None) -> None:
+    """Write how the run is made, once there is who carries it out: a folder without a run is anybody's."""
     made = {
         **{k: v for k, v in asdict(plan).items() if k not in ("out", "baseline")},
         "required": outcome.required,
@@ -343,6 +352,6 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": "{processor}, {system}, {cores} cores".format(**machine()),
-        "date": (before or {}).get("date") or time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
+        "date": begun or time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
     }
     replace_file(plan.out / "run.json", json.dumps(made, indent=1) + "\n")

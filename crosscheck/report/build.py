@@ -53,6 +53,10 @@ COVERAGE_NAMES = {
     "joints": "Joints",
     "driver": "Driver",
     "law": "Motion law",
+    "class": "Class",
+    "dimension": "Dimension",
+    "expected": "Verdict that it was made for",
+    "of_features": "Drawn for features of engines",
 }
 
 
@@ -196,5 +200,5 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
 
 def _value(name: str, value: str) -> str:
     if not name.endswith("_decade") or not value.lstrip("-").isdigit():
-        return value.replace("_", " ")
+        return {"": "none", "True": "yes", "False": "no"}.get(value, value.replace("_", " "))
     return f"{power_of_ten(int(value))} to {power_of_ten(int(value) + 1)}"

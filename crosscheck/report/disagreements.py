@@ -30,13 +30,13 @@ class DisagreementGroup:
 
     signature: tuple[str, str, str, str]
     gap: KnownGap | None
-    scenes: int = 0
+    keys: set[str] = field(default_factory=set)
     worst: WorstSample | None = None
     examples: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, place: RecordLine, disagreement: Disagreement, extra: Mapping[str, Any]) -> None:
-        """Count one more; a shrunk example goes first."""
-        self.scenes += 1
+        """Add one more; a shrunk example goes first. A scene counts once, however many joints of it are blamed."""
+        self.keys.add(place.key)
         self.worst = worse(self.worst, disagreement.ratio, place, disagreement.at)
         example = {**vars(place), **sample(disagreement.at), "message": disagreement.message, **extra}
         if example.get("shrunk"):
@@ -52,7 +52,7 @@ class DisagreementGroup:
             **signature,
             "known": self.gap is not None,
             "reason": self.gap.reason if self.gap else None,
-            "scenes": self.scenes,
+            "scenes": len(self.keys),
             "worst": self.worst.described() if self.worst else None,
             "examples": self.examples,
         }
@@ -96,13 +96,13 @@ class Disagreements:
 
     def described(self) -> list[dict[str, Any]]:
         """Return one row per kind, new ones first, most frequent first; the first example of each with its scene."""
-        order = sorted(self.groups.values(), key=lambda g: (g.gap is not None, -g.scenes, g.signature))
+        order = sorted(self.groups.values(), key=lambda g: (g.gap is not None, -len(g.keys), g.signature))
         rows = [group.described() for group in order]
         for row in rows:
             for example in row["examples"][:1]:
                 path = self._path(example.get("file") or "")
                 text = path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
-                example["toml"], example["again"] = text, _again(text or "", example.get("file") or "")
+                example["toml"], example["again"] = text, _again(text, example["file"]) if text else None
         return rows
 
     def _gap(self, record: Record, disagreement: Disagreement) -> KnownGap | None:

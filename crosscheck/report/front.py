@@ -11,6 +11,7 @@ from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import main_class
 from crosscheck.report.svg import Style
 from crosscheck.report.wording import count, number
+from crosscheck.scenes.names import OURS
 
 Report = Mapping[str, Any]
 GOAL = 9
@@ -63,7 +64,8 @@ def _as_shipped(report: Report, engine: str, methods: Sequence[str]) -> list[dic
         priced = [r for r in report["price"] or () if r["engine"] == engine and r["method"] in named]
         best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
         silent, seriousness = _silent(report, engine, method, {})
-        row = {"engine": engine, "method": method, "cells": [{"best": digits, "samples": 0} for digits in best]}
+        shown = priced[0]["method"] if priced else method
+        row = {"engine": engine, "method": shown, "cells": [{"best": digits, "samples": 0} for digits in best]}
         said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False}
         newton_by = priced[0].get("newton_by") if priced else None
         rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
@@ -89,17 +91,21 @@ def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -> tuple[str, str]:
-    """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it."""
+    """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it.
+
+    Hard cases are counted by kind: those of one kind begin alike, and what is wrong there is wrong in each of them.
+    """
     kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
     parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
     cases = [row for row in report["hard_cases"] or () if (row["engine"], row["method"]) == (engine, method)]
     wrong = [row for row in cases if row["verdict"] == "wrong"]
     if wrong:
-        answered = sum(row["verdict"] in ANSWERED for row in cases)
+        answered = len({row["case"] for row in cases if row["verdict"] in ANSWERED})
         classes = ", ".join(dict.fromkeys(row["class"] or "not explained" for row in wrong))
         asked, of = _asked(cases)
-        few = f", of {asked} of {of} asked" if asked < of else ""
-        parts.append(f"{len(wrong)} of {answered} hard cases that it answers{few} ({classes})")
+        few = f", {asked} of {of} cases asked" if asked < of else ""
+        kinds_wrong = len({row["case"] for row in wrong})
+        parts.append(f"{kinds_wrong} of {answered} kinds of hard cases that it answers{few} ({classes})")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
     return "; ".join(parts), "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
 
@@ -111,9 +117,9 @@ def answer(report: Report) -> str:
     if not ordered:
         return "No method reaches nine digits of acceleration." if prices else ""
     cheapest_method = _paid(ordered[0])
-    others = [offer for offer in ordered if offer.engine in report["engines"]]
-    if others and others[0] is not ordered[0]:
-        cheapest_method += f"; of the engines compared here, with {_paid(others[0])}"
+    engines = [offer for offer in ordered if offer.engine in report["engines"] and offer.engine not in OURS]
+    if engines and engines[0] is not ordered[0]:
+        cheapest_method += f"; of the engines compared here, with {_paid(engines[0])}"
     return (
         f"Nine digits of acceleration cost least over one cycle with {cheapest_method} ({main_class(prices)} scenes)."
     )
@@ -124,16 +130,30 @@ def _paid(offer: Offer) -> str:
 
 
 def hard_matrix(report: Report) -> dict[str, Any]:
-    """Return case x engine and method -> verdict; where a case has several for one method, the worst."""
+    """Return case x engine and method -> verdict; where a case has several for one method, the worst, and how many.
+
+    A refusal where there is no assembly is "rightly refused".
+    """
     rows = report["hard_cases"] or []
     names = list(dict.fromkeys((r["engine"], r["method"]) for r in rows))
-    verdicts: dict[tuple[str, tuple[str, str]], str] = {}
+    met: dict[tuple[str, tuple[str, str]], list[str]] = {}
     for r in rows:
-        place = (r["case"], (r["engine"], r["method"]))
-        verdicts[place] = max(verdicts.get(place, VERDICTS[0]), r["verdict"], key=VERDICTS.index)
-    cases = dict.fromkeys(r["case"] for r in rows)
-    lines = [(case, [verdicts.get((case, name)) for name in names]) for case in cases]
+        rightly = r["verdict"] == "refused" and (r["note"] or "").startswith("rightly")
+        met.setdefault((r["case"], (r["engine"], r["method"])), []).append(
+            "rightly refused" if rightly else r["verdict"]
+        )
+    lines = [
+        (case, [_worst(met[case, name]) if (case, name) in met else None for name in names])
+        for case in dict.fromkeys(r["case"] for r in rows)
+    ]
     return {"names": [" · ".join(name) for name in names], "lines": lines}
+
+
+def _worst(verdicts: Sequence[str]) -> tuple[str, str]:
+    """Return the worst of several verdicts, and of how many it is one: "" if of all."""
+    worst = max(verdicts, key=(VERDICTS[0], "rightly refused", *VERDICTS[1:]).index)
+    count = verdicts.count(worst)
+    return worst, f"{count} of {len(verdicts)}" if count < len(verdicts) else ""
 
 
 def folds(report: Report) -> dict[str, str]:
@@ -210,7 +230,8 @@ def _slopes_line(report: Report) -> str:
         return "not measured in this run"
     fitted = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
     orders = [h["last_order"] for h in report["newton_histories"] if h["last_order"] is not None]
-    newton = f"Newton's last order {max(orders):.2f}; " if orders else ""
+    least, most = (f"{order(orders):.2f}" for order in (min, max)) if orders else ("", "")
+    newton = f"Newton's last order {least}{f' to {most}' * (most != least)}; " if orders else ""
     return f"{newton}fitted slopes {', '.join(fitted)}"
 
 

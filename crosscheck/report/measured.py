@@ -50,6 +50,7 @@ class _EffectFile(_Row):
     microseconds: float | None
     inert: bool | None
     largest_change: float | None = None
+    worst: str = ""
 
 
 class _HardCaseFile(_Row):

@@ -14,6 +14,8 @@ PHYSICAL = ("gravity", "contact", "friction", "joint limits", "passive forces", 
 """What a kinematic scene never calls for: every adapter has it switched off or at its least."""
 PEERS = ("exudyn", "pinocchio", "mujoco")
 """Who is asked where nobody says whom to ask."""
+OURS = ("refkin", "refkin-batch", "scipy", "numpy", "c")
+"""Producers that are no engine: they solve the reference's equations, or know what a four-bar is."""
 
 
 def called(method: str, setting: str = "") -> str:

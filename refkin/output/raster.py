@@ -64,7 +64,10 @@ def save_animation(drawing: Drawing, file: Path, seconds: float = 4.0) -> None:
     writer = writers.get(file.suffix.lower(), "")
     if not animation.writers.is_available(writer):
         known = ", ".join(suffix for suffix, name in writers.items() if animation.writers.is_available(name))
-        raise UnknownFormat(f"{file}: expected a file of {known or 'no kind: matplotlib can write none here'} or .svg")
+        lacking = f" ({writer} is not installed)" if writer else ""
+        raise UnknownFormat(
+            f"{file}: expected a file of {known or 'no kind: matplotlib can write none here'} or .svg{lacking}"
+        )
     figure, axes = _page(drawing)
     frames = frames_of(drawing)
     box = axes.axis()

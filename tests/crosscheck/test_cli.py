@@ -115,6 +115,7 @@ def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
         (("--scene-seconds", "0"), "--scene-seconds: expected a number above 0, got 0.0"),
         (("--out", str(GOOD)), f"--out: expected a folder, got the file {GOOD}"),
         (("--known-gaps", str(FRAMES)), f"{FRAMES}: no TOML: "),
+        (("--known-gaps", "no such table"), "no such table: No such file or directory"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

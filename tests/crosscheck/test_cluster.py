@@ -8,12 +8,15 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from crosscheck.judge.records import read_line
 from crosscheck.measure.jobs import CHECK, checkers
+from crosscheck.night.campaign import OtherRun, run, seed_of
+from crosscheck.night.plan import NightPlan
 from crosscheck.workers import cluster
 from crosscheck.workers.cluster import BATCH, ClusterWorkers, NoCluster
 from crosscheck.workers.pool import Pool
@@ -122,6 +125,19 @@ def test_a_scheduler_that_does_not_answer_is_no_cluster(monkeypatch):
     with pytest.raises(NoCluster, match=r"--cluster tcp://127\.0\.0\.1:1: "):
         ClusterWorkers(CHECK, "tcp://127.0.0.1:1", 2, SPECS, {})
     assert time.monotonic() - start < 10.0
+
+
+def test_a_night_for_which_there_is_no_cluster_leaves_its_folder_to_others(tmp_path, monkeypatch):
+    """Else the next night in it is refused for the seed of one that checked nothing."""
+    monkeypatch.setattr(cluster, "SECONDS_TO_CONNECT", 0.2)
+    plan = NightPlan(seed=1, out=tmp_path, engines=("closed_form",), scenes=1, cluster="tcp://127.0.0.1:1")
+    with pytest.raises(NoCluster):
+        run(plan)
+
+    assert seed_of(tmp_path, 2) == 2
+    assert run(replace(plan, seed=2, cluster=None)).checked == 1
+    with pytest.raises(OtherRun):
+        seed_of(tmp_path, 3)
 
 
 def test_without_the_package_distributed_it_is_named(monkeypatch):

@@ -259,6 +259,14 @@ def test_the_verdict_and_what_it_counts(tmp_path: Path, records: Any, told: Any,
     assert (report["verdict"], report["new_disagreements"], report["known_disagreements"]) == expected
 
 
+def test_a_scene_in_which_many_joints_are_blamed_counts_once(tmp_path: Path) -> None:
+    """Each of them is a disagreement; the table of them says in how many scenes there are some."""
+    report = reported(write(tmp_path, *listed(TURNED, TURNED, TURNED)))
+    (row,) = report["disagreements"]
+
+    assert (report["new_disagreements"], row["scenes"], row["examples"][0].get("again")) == (3, 1, None)
+
+
 ALL_FAIL = dict.fromkeys(QUANTITIES, (1, 0))
 SILENT = good_answer("mujoco", missing=1)
 CELLS = {

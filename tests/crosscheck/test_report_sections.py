@@ -53,6 +53,7 @@ EFFECTS = [
         "microseconds": 20.0,
         "inert": True,
         "largest_change": 0.0,
+        "worst": "",
     },
     {
         "engine": "mujoco",
@@ -61,6 +62,7 @@ EFFECTS = [
         "microseconds": 3.0,
         "inert": False,
         "largest_change": 1e-3,
+        "worst": "acceleration of crank.phi at t = 1",
     },
 ]
 HARD = [
@@ -191,13 +193,15 @@ def test_method_that_was_not_priced_says_so(tmp_path: Path) -> None:
 
 
 def test_cheapest_of_all_is_told_beside_the_cheapest_of_the_engines(tmp_path: Path) -> None:
-    own = {**PRICES[1], "engine": "refkin", "method": "all times at once", "microseconds": 0.5}
+    """Also where what is ours, and no engine, is one of those that were compared."""
+    own = {**PRICES[1], "engine": "refkin-batch", "method": "batch", "microseconds": 0.5}
     report, _ = reported(tmp_path, price=[*PRICES, own])
+    report["engines"]["refkin-batch"] = {}
 
     engines = "of the engines compared here, with mujoco · newton: 24 µs (regular scenes)."
     assert (
         sentence(report)
-        == f"Nine digits of acceleration cost least over one cycle with refkin · all times at once: 0.50 µs; {engines}"
+        == f"Nine digits of acceleration cost least over one cycle with refkin-batch · batch: 0.50 µs; {engines}"
     )
 
 
@@ -239,21 +243,32 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
 def test_effect_that_changes_what_was_called_for_is_named(tmp_path: Path) -> None:
     _, page = reported(tmp_path, effects=EFFECTS)
 
-    assert "mujoco (newton): gravity changes the answer that the scene asks for, by up to 0.0010." in page
+    felt = "acceleration of crank.phi at t = 1 by 0.0010 of its size."
+    assert f"mujoco (newton): gravity changes the answer that the scene asks for: {felt}" in page
     assert "refkin: position changes" not in page
 
 
-def test_case_with_two_verdicts_shows_the_worse_one(tmp_path: Path) -> None:
-    report, _ = reported(tmp_path, hard_cases=HARD)
+def test_case_with_two_verdicts_shows_the_worse_one_and_of_how_many(tmp_path: Path) -> None:
+    report, page = reported(tmp_path, hard_cases=HARD)
 
-    assert hard_matrix(report)["lines"] == [("dead centre", ["wrong"]), ("change point", ["refused"])]
+    assert hard_matrix(report)["lines"] == [("dead centre", [("wrong", "1 of 2")]), ("change point", [("refused", "")])]
+    assert 'class="v-wrong">✕ wrong <span class="soft">1 of 2</span>' in page
+
+
+def test_a_refusal_where_there_is_no_assembly_is_right(tmp_path: Path) -> None:
+    gap = {**HARD[2], "case": "gap", "note": "rightly, there is no assembly: no answer at 2 of 3 times"}
+    report, page = reported(tmp_path, hard_cases=[*HARD, gap, {**gap, "verdict": "warned", "note": ""}, gap])
+
+    assert hard_matrix(report)["lines"][-1] == ("gap", [("warned", "1 of 3")])
+    assert hard_matrix({"hard_cases": [gap, gap]})["lines"] == [("gap", [("rightly refused", "")])]
+    assert 'class="v-refused">⊘ refused' in page
 
 
 def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: Path) -> None:
     report, _ = reported(tmp_path, hard_cases=HARD)
     (row,) = first_table(report)
 
-    assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (defect)", "bad")
+    assert (row["silent"], row["silent_class"]) == ("1 of 1 kinds of hard cases that it answers (defect)", "bad")
 
 
 @pytest.mark.parametrize(
@@ -490,11 +505,14 @@ def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_scree
         for digits in (2.25, 3.5)
     ]
     report, page = reported(tmp_path, price=[*PRICES, *priced], hard_cases=hard)
-    row = next(row for row in first_table(report) if row["method"] == "mj_step")
+    row = next(row for row in first_table(report) if row["method"] == "mj_step, as shipped")
 
     assert (row["engine"], row["newton_by"]) == ("mujoco", "nobody")
     assert [cell["best"] for cell in row["cells"]] == [3.5, None, None]
-    assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (documented limit)", "gap")
+    assert (row["silent"], row["silent_class"]) == (
+        "1 of 1 kinds of hard cases that it answers (documented limit)",
+        "gap",
+    )
     assert "at best" in page
     assert "not asked" in page
 
@@ -602,7 +620,7 @@ def test_folded_sections_say_how_much_is_in_them(tmp_path: Path) -> None:
         "trends": "golden set of 10 scenes: 2 numbers worse; 2 nights, 1 change of level",
         "refusals": "1 kinds",
     }
-    assert full["newton"] == "Newton's last order 2.01; fitted slopes 1.00, 2.00"
+    assert full["newton"] == "Newton's last order 1.90 to 2.01; fitted slopes 1.00, 2.00"
     assert [full[name] for name in ("price", "effects", "gaps")] == [
         "4 settings on scenes of 1 classes; 0 of 4 prices by a single call",
         "2 of 2 effects priced, 0 of them within noise",
