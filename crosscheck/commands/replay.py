@@ -97,26 +97,33 @@ def conform(engine: str, *, as_json: Json = False) -> int:
         print(*missing.values(), sep="\n")
         return ENGINE_MISSING
     ((name, (spec, version)),) = installed.items()
-    replied = []
-    with shown_progress(len(questions()) + len(KINDS), noun="questions") as show:
-        for reply in chain(replies(spec), hard_replies(spec)):
-            replied.append(reply)
-            show(len(replied), reply.about)
+    replied = list[Reply]()
+    try:
+        with shown_progress(len(questions()) + len(KINDS), noun="questions") as show:
+            for reply in chain(replies(spec), hard_replies(spec)):
+                replied.append(reply)
+                show(len(replied), reply.about)
+    except KeyboardInterrupt:
+        _show_replies(f"{name} {version}: what it was asked until it was ended", replied)
+        raise
     if as_json:
         answers = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
         print(json.dumps({"schema": 1, "engine": name, "version": version, **answers}))
     else:
-        rows = []
-        for reply in replied:
-            wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
-            held = ", ".join(reply.levels) if reply.answered else "refused"
-            rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
-        heads, title = ("asked about", "held against the reference", "wrong"), f"{name} {version}: what it was asked"
-        console(150).print(table(*heads, rows=rows, title=title))
-        print("\n".join(lines(replied)))
+        _show_replies(f"{name} {version}: what it was asked", replied)
     if any(reply.faults for reply in replied):
         return DISAGREEMENT
     return PASS if any(reply.answered for reply in replied) else NOTHING_RAN
+
+
+def _show_replies(title: str, replied: Sequence[Reply]) -> None:
+    rows = []
+    for reply in replied:
+        wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
+        held = ", ".join(reply.levels) if reply.answered else "refused"
+        rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
+    console(150).print(table("asked about", "held against the reference", "wrong", rows=rows, title=title))
+    print("\n".join(lines(replied)))
 
 
 def lines(replied: Sequence[Reply]) -> list[str]:

@@ -13,6 +13,7 @@ reference, not a guess.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, Level, Term
+from crosscheck.engines import Level, Term
 from crosscheck.errors import kept
 from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
 from crosscheck.judge.comparison import Reference, begun_at, whole_poses
@@ -37,9 +38,9 @@ from refkin.solving.starts import in_form
 from refkin.system import compile_system
 
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
-"""Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
-the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape with short
-links makes, a million, or what the shortest link makes of a thousand (`_is_rounding`)."""
+"""Up to these a term is rounding: a thousand roundings of a residual (`_so_small`), or of what stands in its equation;
+four times the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape
+with short links makes, a million, or what the shortest link makes of a thousand (`_is_rounding`)."""
 
 
 @dataclass(frozen=True)
@@ -69,30 +70,30 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
 }
 
 
-def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
+def granted(engine: str, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
     """Return the terms that are granted, and the others as disagreements; many small ones count as one large one.
 
     Parameters
     ----------
-    engine, scene : Engine, Scene
+    engine, scene : str, Scene
     terms : sequence of Term
         What the engine says that it adds.
     """
     allowed: list[Term] = []
     faults = []
     for term in terms:
-        most = _most(engine.name, scene, term)
+        most = _most(engine, scene, term)
         formulas = OF_FORMULAS if term.level == QUANTITIES[0] else RELATIVE
-        same = [term, *(one for one in allowed if one.level == term.level and _most(engine.name, scene, one) == most)]
+        same = [term, *(one for one in allowed if one.level == term.level and _most(engine, scene, one) == most)]
         absolute, relative, of_rates = (
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
         least = min(term.absolute, term.relative, term.of_rates)  # one below 0 would pay for another
-        if absolute <= most and relative <= formulas and _is_rounding(of_rates, scene) and least >= 0.0:
+        if _so_small(absolute, most, scene) and relative <= formulas and _is_rounding(of_rates, scene) and least >= 0.0:
             allowed.append(term)
             continue
         size = least if least < 0.0 else max(term.absolute, term.relative, term.of_rates)
-        message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
+        message = f"{term.name!r} of {size:.3g}: no documentation of {engine} states more than {most:.3g}"
         faults.append(wrong(term.level, Cause.UNDOCUMENTED, message))
     return allowed, faults
 
@@ -267,6 +268,17 @@ def wrong(quantity: str, kind: Cause, message: str = "") -> dict[str, Any]:
 def _most(engine: str, scene: Scene, term: Term) -> float:
     documented = DOCUMENTED.get((engine, term.name)) if term.level == QUANTITIES[0] else None
     return max(ABSOLUTE, documented.largest(scene)) if documented else ABSOLUTE
+
+
+def _so_small(absolute: float, most: float, scene: Scene) -> bool:
+    """Return whether an error of a residual is at most so large; times as many turns as the drivers' laws ask for."""
+    if absolute <= most:
+        return True
+    largest, t, unit = 1.0, np.array(scene.times), scene.mechanism.unit()
+    for driver in scene.mechanism.drivers:
+        _, factor = driver.law_scale(unit)
+        largest = max(largest, *(float(np.max(np.abs(law(t, 0)))) / factor / math.tau for law in driver.laws))
+    return absolute <= most * largest
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

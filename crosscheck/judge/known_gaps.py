@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError
 
 from crosscheck.errors import CannotRun, UsageError
-from crosscheck.judge.records import Disagreement, Record, Strict, adapter, fault
+from crosscheck.judge.records import Cause, Disagreement, Record, Strict, adapter, fault
 
 Predicate = Callable[[Record], bool]
 
@@ -101,7 +101,13 @@ class KnownGap(Strict):
         d = disagreement
         has = {"method": (d.method,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
         fits = d.engine == self.engine and all(value in has[key] for key, value in self.match.items())
-        return fits and self.holds(record)
+        return fits and self.holds(record) and (d.kind is not Cause.NO_ANSWER or self._has_begun(record, d))
+
+    def _has_begun(self, record: Record, disagreement: Disagreement) -> bool:
+        """Return whether a motion that ends because of a step has a pose to step from."""
+        who = disagreement.engine, disagreement.method
+        begun = any(a.missing < a.times for a in record.answers if (a.engine, a.method.name) == who)
+        return begun or not self.predicate.startswith("step_")
 
     def holds(self, record: Record) -> bool:
         """Return whether the scene of a record is of the kind in which the gap shows; not if nothing is known of it."""

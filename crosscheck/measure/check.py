@@ -263,10 +263,9 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
     return replace(scene, mechanism=replace(m, bodies=bodies))
 
 
-def _enclosure(method: Method, subject: _Subject, motion: Motion) -> EnclosedTimes:
+def _enclosure(subject: _Subject, motion: Motion, terms: Sequence[Term]) -> EnclosedTimes:
     """Return at how many times a motion lies within the least error of the pose and beyond it, and how far."""
-    ref, terms = subject.ref, method.terms(subject.scene)
-    samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
+    samples_of = samples(subject.ref.system, subject.truths, subject.ref.scene, motion, terms)
     judgements = [sample.judgement for sample in samples_of if sample.judgement is not None]
     counts = Counter(j.verdict for j in judgements)
     return EnclosedTimes(
@@ -292,7 +291,7 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
             part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(error)))
         return
-    terms, faults = granted(engine, scene, of_method)
+    terms, faults = granted(engine.name, scene, of_method)
     wrong_form = [wrong("status", Cause.NOT_DELIVERED, why) for why in misshapen(scene, motion)]
     if wrong_form:
         part.blame(method.called, *faults, *wrong_form)
@@ -308,7 +307,7 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
             compared=compared.compared,
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
-            certificate=_enclosure(method, subject, motion) if subject.arbiter else None,
+            certificate=_enclosure(subject, motion, terms) if subject.arbiter else None,
             feature=Use.COMPARE not in method.uses,
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )
@@ -390,7 +389,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         try:
             missing = missing_rows(engine, model, scene.mechanism)
             of_rows = [term for term in terms_of(engine, scene) if term.level in LEVELS]
-            terms, faults = granted(engine, scene, of_rows)
+            terms, faults = granted(engine.name, scene, of_rows)
             part.blame(ROWS, *faults)
             levels = compare_levels(engine, model, scene.mechanism, at, terms)
             part.refusals += _of_other_forms(engine, scene, getattr(model, "form", ""))

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from crosscheck.engines import QUANTITIES, Engine, Level, load, refused_joints
+from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, load, refused_joints
+from crosscheck.engines.methods import Use, copied, methods, motion_of
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.judge.delivery import granted
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
 from crosscheck.measure.hard_table import BAD, hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
-from crosscheck.scenes.names import called
-from crosscheck.workers.processes import Failure, call_in_turn, preload
+from crosscheck.scenes.names import called, called_for, order_of
+from crosscheck.workers.processes import Failure, FailureKind, call_in_turn, preload
 from refkin.joints.spatial_bodies import UnitLength
 from refkin.model import Scene
 
 SECONDS = 60.0
 """After this long at one question an engine is said to hang."""
+MOST_HUNG = 3
+"""Of an engine that has hung so often nothing more is asked."""
 HARD_WITHIN = 60.0
 """After so long no further hard case is asked [s]."""
 FORM = "form"
@@ -75,9 +81,32 @@ def ask(engine: Engine, question: Question) -> Reply:
         again = check(permuted(question.scene), [engine], about)
         reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
         faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
+    if not faults and record.answers:
+        faults = list(_asked_again(engine, question.scene))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
     refused = refused or tuple(dict.fromkeys(row.reason for row in record.refusals if not row.joint))
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
+
+
+def _asked_again(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
+    """Yield which model, built once and asked again, does not answer as it has to: a price is that of such a model."""
+    scene = replace(scene, points=(), bodies_wanted=None)
+    bodies = tuple(body.name for body in scene.mechanism.bodies)
+    for method in methods(engine, Use.COMPARE):
+        if method.build is None:
+            continue
+        with suppress(EngineError):
+            model = method.model(copied(scene))
+            for order in (2, 0, order_of(scene)):
+                levels = called_for(scene, model.read(model.solve(order))[: order + 1])
+            motion = motion_of(scene.times, bodies, levels, method.producer)
+            terms, _ = granted(method.engine, scene, method.terms(scene))
+            compared = compare(reference(scene), motion, [term for term in terms if term.level in QUANTITIES])
+            for quantity, one in compared.quantities.items():
+                if not one.agrees:
+                    what = f"{quantity} is wrong where its model is asked again (method {method.called!r})"
+                    yield LevelFault(quantity, what, f"{one.ratio.max():.3g} times the allowed error")
+                    break
 
 
 def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
@@ -119,12 +148,19 @@ preload(__name__)
 
 
 def replies(spec: str) -> Iterator[Reply]:
-    """Yield what comes of each question; an engine that crashes or hangs at one is asked the next all the same."""
+    """Yield what comes of each question; one at which an engine crashes is none of the others', nor are a few hangs."""
     jobs = [(spec, about) for about in _asked()]
-    for (_, about), answer in zip(jobs, call_in_turn(reply, jobs, SECONDS), strict=True):
-        if isinstance(answer, Failure):
-            answer = Reply(about, (LevelFault(STATUS, f"{answer.kind}", f"{answer.name}: {answer.text}"),))
-        yield answer
+    hung = 0
+    with closing(call_in_turn(reply, jobs, SECONDS)) as answers:
+        for _, about in jobs:
+            if hung == MOST_HUNG:
+                yield Reply(about, refusals=(f"it was not asked: it hung at {hung} questions",))
+                continue
+            answer = next(answers)
+            if isinstance(answer, Failure):
+                hung += answer.kind is FailureKind.HANG
+                answer = Reply(about, (LevelFault(STATUS, f"{answer.kind}", f"{answer.name}: {answer.text}"),))
+            yield answer
 
 
 def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:

@@ -17,7 +17,7 @@ from typing import Any
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
-from crosscheck.judge.delivery import misshapen
+from crosscheck.judge.delivery import granted, misshapen
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
 from crosscheck.scenes.hard import hard_cases
@@ -48,7 +48,7 @@ def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
         try:
             with undisturbed():
                 scene = copied(case.scene)
-                terms = method.terms(scene)
+                terms, _ = granted(method.engine, scene, method.terms(scene))
                 motion = method.solve(scene)
         except EngineError as error:
             rightly = "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
@@ -186,7 +186,7 @@ def _rows(
             for key in keys:
                 yield _row(key, case, next(answers[spec]), len(cases), known)
     for left in answers.values():
-        left.close()  # type: ignore[attr-defined]
+        left.close()
 
 
 def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known: Sequence[Finding]) -> Row:

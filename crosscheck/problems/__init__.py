@@ -8,18 +8,18 @@ few decimals; and motion laws as formulas, which the files of a problem have: re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from refkin.joints import GROUND, Constraint, Driver
+from refkin.joints import GROUND, Constraint, Driver, Element
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Integral, Polynomial, Sinusoid
 from refkin.scenes.linkages import Linkage
 
-VERSION = "4"
+VERSION = "5"
 """Of the set; whoever changes a problem, an answer or how they are written gives it another."""
 SHA256 = "101c494a968798c53065a609b71ba54e680e148dcbcf40675c59f46c76865f22"
 """The hash of the whole set of that version."""
@@ -75,6 +75,13 @@ def within(random: Random, low: float, high: float) -> float:
 
 
 Family = Callable[[Random], Iterator[Stated]]
+
+
+def adding(add: Mapping[type[Element], Any], element: Element) -> Any:
+    """Return what adds an element to a model; CannotRun if nothing does."""
+    if type(element) not in add:
+        raise CannotRun(f"{element.name}: no export for {element.key}")
+    return add[type(element)]
 
 
 def formula(law: Any) -> str:

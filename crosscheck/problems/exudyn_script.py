@@ -14,12 +14,13 @@ from jinja2 import StrictUndefined, Template
 from crosscheck.engines.frames import direction, through_its_point
 from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
-from crosscheck.problems import formula
+from crosscheck.problems import adding, formula
 from refkin import joints
 from refkin.model import Scene
 
-SLACK = 1e-12
-"""Norm of the residual at which Newton's method stops, relative to the size of the mechanism."""
+SLACK, ROUNDINGS = 1e-12, 2.0**-49
+"""Norm of the residual at which Newton's method stops, relative to the size of the mechanism, or if that is more to the
+largest coordinate: sixteen roundings of it, below which it may never come."""
 
 
 def to_exudyn(scene: Scene, title: str) -> str:
@@ -33,12 +34,18 @@ def to_exudyn(scene: Scene, title: str) -> str:
         times=list(scene.times),
         dimension=kind.dimension,
         estimates=[(body.name, list(body.estimate or kind.still)) for body in mechanism.bodies],
-        lines=[(e, ADD[type(e)](e)) for e in joints.elements_of(mechanism.constraints)],
-        tolerance=SLACK * mechanism.size(),
+        lines=[(e, adding(ADD, e)(e)) for e in joints.elements_of(mechanism.constraints)],
+        tolerance=max(SLACK * mechanism.size(), ROUNDINGS * max(_coordinates(scene))),
         redundant=sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies),
         still=[int(x) for x in kind.still],
     )
     return script
+
+
+def _coordinates(scene: Scene) -> list[float]:
+    """Return the sizes of all lengths that say where a body is, and 0."""
+    estimates = (body.estimate or () for body in scene.mechanism.bodies)
+    return [0.0, *(abs(x) for at in estimates for x in at[: scene.mechanism.kind.dimension])]
 
 
 def _coincide(e: joints.PointsCoincide) -> str:

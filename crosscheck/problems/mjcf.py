@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 from crosscheck.engines.frames import through_its_point
 from crosscheck.engines.spatial.turning import joint_frame, parameters
 from crosscheck.errors import CannotRun
-from crosscheck.problems import formula
+from crosscheck.problems import adding, formula
 from refkin import joints
 from refkin.model import Scene
 
@@ -64,7 +64,7 @@ class _Model:
                 ET.SubElement(free, "freejoint", {"name": body.name})
         for element in joints.elements_of(scene.mechanism.constraints):
             name = element.name if not element.row else f"{element.name} {element.kind}"
-            ADD[type(element)](self, name, element)
+            adding(ADD, element)(self, name, element)
         self.root.extend(part for part in (self.tendons, self.equalities) if len(part))
         dimension = scene.mechanism.kind.dimension
         estimates = [body.estimate or scene.mechanism.kind.still for body in scene.mechanism.bodies]

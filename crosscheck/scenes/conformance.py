@@ -34,7 +34,7 @@ from refkin.joints import (
     XDriver,
     YDriver,
 )
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
@@ -160,6 +160,9 @@ def _ways_to_say_it() -> Iterator[Question]:
     yield Question("a frame beside its joints", replace(plain, mechanism=replace(m, joints=beside)))
     yield Question("positions alone", replace(plain, effects=frozenset()))
     yield Question("some of the bodies", replace(plain, bodies_wanted=("rocker",)))
+    at = {"P": ("coupler", (1.3, -0.7)), "Q": ("rocker", (0.4, 0.9))}
+    points = tuple(Point(name=name, body=body, position=place) for name, (body, place) in at.items())
+    yield Question("points of two bodies", replace(plain, points=points))
     apart = FOUR_BAR.scene(law=WAVE, times=(-0.9, -0.1, 0.0, 0.05, 0.8))
     yield Question("times before zero, not evenly apart", apart)
     yield Question("one time", replace(plain, times=TIMES[:1]))

@@ -25,7 +25,7 @@ from refkin.joints import (
     SpatialRevolute,
     Spherical,
 )
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
@@ -126,6 +126,8 @@ def _loops(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "more rows than are independent", Bennett(length=1.0, alpha=0.6, beta=1.1).scene(law=law, times=times)
     yield "joints written by dot products", replace(LOOP, form="dot").scene(law=law, times=times)
     yield "joints written by cross products", replace(LOOP, form="printed").scene(law=law, times=times)
+    point = Point(name="P", body="crank", position=(0.4, -0.7, 0.3))
+    yield "a point of the crank", replace(LOOP.scene(law=law, times=times), points=(point,))
     yield "the other assembly", LOOP.scene(law=law, times=times, branch="crossed")
     plain = LOOP.scene(law=law, times=times)
     m: Any = plain.mechanism

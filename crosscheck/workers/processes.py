@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 import types
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -197,7 +197,7 @@ def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds:
 
 def call_in_turn(
     function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START, count: int = 1
-) -> Iterator[Any]:
+) -> Generator[Any, None, None]:
     """Yield what a function returns for each argument, or a Failure; processes take turns.
 
     A process that ends, or that takes too long, is replaced for the arguments that are left.

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -69,6 +70,46 @@ class Wrong(Right):
         q = motion.q.copy()
         q[-1, -1] += 1e-9
         return replace(motion, q=q)
+
+
+class Claims(Right):
+    """Is half a size off, and says that it adds ten."""
+
+    name = "claims"
+
+    def terms(self, scene, route=None) -> Sequence[Term]:
+        return (Term(name="own", level="position", reason="so it says", absolute=10.0),)
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = super().solve(scene)
+        return replace(motion, q=motion.q + 0.5)
+
+
+class Stale(Right):
+    """Has a model that is right once, and from then on off by 1e-3."""
+
+    name = "stale"
+    kept = MappingProxyType({ROUTE: ""})
+
+    def model(self, scene, route=None):
+        asked, calls = self, iter([0.0])
+
+        class Kept:
+            def solve(self, scene) -> Motion:
+                motion = asked.solve(scene)
+                return replace(motion, q=motion.q + next(calls, 1e-3))
+
+        return Kept()
+
+
+class Swapped(Right):
+    """Takes each of a scene's points for another."""
+
+    name = "swapped"
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = super().solve(scene)
+        return replace(motion, points=dict(zip(motion.points, reversed(motion.points.values()), strict=True)))
 
 
 class Warns(Right):

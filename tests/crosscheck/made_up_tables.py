@@ -247,7 +247,8 @@ def conforming() -> Any:
     ]
     with patch.object(conform, "hard_case_rows", lambda *_, cases: [{**rows[0], "case": len(cases)}, *rows]):
         told += [asdict(reply) for reply in conform.hard_replies("")]
-    with patch.object(conform, "call_in_turn", lambda *_: iter([hang(1.0), *["asked"] * (len(conform._asked()) - 1)])):
+    in_turn = [hang(1.0), *["asked"] * (len(conform._asked()) - 1)]
+    with patch.object(conform, "call_in_turn", lambda *_: (reply for reply in in_turn)):
         told += [asdict(r) if isinstance(r, conform.Reply) else r for r in conform.replies("")][:3]
     turn = hard_table._in_turn_by_kind(hard_cases())
     known = [

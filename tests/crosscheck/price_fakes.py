@@ -47,6 +47,7 @@ class MadeUp(Listing):
         yield made("liar", "tolerance 1e-9", partial(_moved, 1e-9))
         yield made("liar", "tolerance 1e-12", partial(_moved, 1e-3))
         yield made("gap", "-", _with_a_gap)
+        yield replace(made("stale", "-", _moved), build=_stale)
         yield made("raises", "-", _raises)
         yield made("crashes", "-", _crashes)
         yield made("position alone", "-", partial(_moved, 0.0), highest=0)
@@ -80,6 +81,12 @@ def made(name, setting, solve, **more):
 
     uses = frozenset({Use.PRICE})
     return Method(engine="made up", name=name, setting=setting, newton_by="nobody", uses=uses, build=build, **more)
+
+
+def _stale(scene):
+    """Return a model that is right once, and from then on off by 1e-3 sizes."""
+    calls = iter([0.0])
+    return Model(lambda order: _moved(next(calls, 1e-3), scene, order), list)
 
 
 def _refuses(scene):

@@ -15,6 +15,7 @@ from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
+from crosscheck.measure.check import check
 from crosscheck.measure.conform import _faults_of, ask, hard_replies, replies, summary
 from crosscheck.measure.hard_table import outcome_of
 from crosscheck.scenes.conformance import questions
@@ -22,7 +23,7 @@ from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 
 from .fake_engines import HANG, SEGFAULT, engine_file
-from .hard_engines import Right
+from .hard_engines import Claims, Right, Stale, Swapped
 
 ROOT = Path(__file__).parent.parent.parent
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
@@ -220,6 +221,41 @@ def test_an_engine_that_crashes_or_hangs_at_a_question_is_asked_the_next(tmp_pat
     assert fixed.faults[0].what == "crash"
     assert gear.faults[0].what == "hang"
     assert distance.faults == ()
+
+
+def test_an_engine_that_hangs_again_and_again_is_asked_no_more(tmp_path, monkeypatch):
+    """At a minute a question it would take an hour."""
+    monkeypatch.setattr("crosscheck.measure.conform.SECONDS", 3.0)
+    monkeypatch.setattr("crosscheck.measure.conform.MOST_HUNG", 1)
+    monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {k: ASKED[k] for k in ("fixed", "gear")})
+    fixed, gear = replies(engine_file(tmp_path, before=HANG))
+
+    assert fixed.faults[0].what == "hang"
+    assert gear.refusals == ("it was not asked: it hung at 1 questions",)
+
+
+def test_a_model_is_asked_again_because_such_a_one_is_priced():
+    (fault,) = ask(Stale(), ASKED["revolute"]).faults
+
+    assert fault.what == "position is wrong where its model is asked again (method 'planted')"
+    assert ask(load("mujoco"), ASKED["fixed"]).faults == ()
+
+
+def test_points_are_asked_for_of_the_plane_and_of_space():
+    (fault,) = ask(Swapped(), ASKED["points of two bodies"]).faults
+
+    assert fault.level == "position"
+    assert len(ASKED["space: a point of the crank"].scene.points) == 1
+
+
+def test_what_an_engine_says_that_it_adds_makes_no_pose_right_at_a_hard_case():
+    """Nor where the certificate judges: only what is granted in a comparison is granted there."""
+    case = next(c for c in hard_cases() if c.case == "toggle")
+    spec = f"{ROOT / 'tests' / 'crosscheck' / 'hard_engines.py'}:Claims"
+    record = check(ASKED["revolute"].scene, [Claims()], arbiter=True)
+
+    assert outcome_of((spec, "planted", "", case.key))[0] == HardOutcome.WRONG
+    assert [(a.certificate.inside, a.certificate.outside) for a in record.answers] == [(0, 7)]
 
 
 def test_hard_cases_are_asked_and_what_is_wrong_there_is_told(tmp_path):

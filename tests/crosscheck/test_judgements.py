@@ -232,7 +232,7 @@ def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
     terms = (*TERMS[1], *TERMS[2], Term(name="stopping rule", level="position", reason="", absolute=1e-8), *IN_FORM)
     judged = np.flatnonzero(ref.budget().compared)
     broken = [violations(ref, off, order, off.t[k]) for k in judged[:1] for order in range(3)]
-    allowed, undocumented = delivery.granted(SimpleNamespace(name="exudyn"), scene, terms)
+    allowed, undocumented = delivery.granted("exudyn", scene, terms)
     cut = replace(few, t=few.t + 1.0, status=few.status[1:], q=few.q[1:], bodies=("nobody", *few.bodies[1:]))
     shape = [*delivery.misshapen(scene, off), *delivery.misshapen(scene, cut), *delivery.misshapen(scene, 1)]
     pose = delivery.excuse(ref, float(off.t[-1]), 100.0) if judged.size else None

@@ -155,6 +155,14 @@ def test_a_row_covers_what_it_says_and_no_more(met, new):
     assert [d.name for d in Tally(GAPS).add(met)] == new
 
 
+@pytest.mark.parametrize(("missing", "new"), [(1, 0), (3, 0), (4, 1)])
+def test_no_step_is_to_blame_where_there_is_no_pose_to_step_from(missing, new):
+    met = record(Cause.NO_ANSWER)
+    met = replace(met, answers=[replace(met.answers[0], times=4, missing=missing)])
+
+    assert len(Tally(GAPS).add(met)) == new
+
+
 def test_a_row_covers_nothing_of_another_engine():
     met = record(JUMP)
     met = replace(met, disagreements=[replace(met.disagreements[0], engine="mujoco")])

@@ -22,7 +22,7 @@ from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level, Term, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.methods import of_routes
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.delivery import granted
+from crosscheck.judge.delivery import ABSOLUTE, granted
 from crosscheck.judge.records import Cause, line_of, read_line
 from crosscheck.measure import hard_table
 from crosscheck.measure.check import TURNED_ROUND, check, key_of
@@ -399,14 +399,14 @@ def test_an_error_term_without_documentation_is_a_failure_and_allows_nothing(ter
 
 
 def test_an_error_term_in_many_pieces_is_granted_no_more_than_whole():
-    kept, faults = granted(Wrapped(), SCENE, [big(absolute=1e-13)] * 50)
+    kept, faults = granted(Wrapped.name, SCENE, [big(absolute=1e-13)] * 50)
 
     assert (len(kept), len(faults)) == (1, 49)
 
 
 @pytest.mark.parametrize("key", ["absolute", "relative", "of_rates"])
 def test_a_term_below_zero_is_not_granted_and_pays_for_no_other(key):
-    kept, faults = granted(Wrapped(), SCENE, [big(**{key: -1e3}), big(**{key: 1e3})])
+    kept, faults = granted(Wrapped.name, SCENE, [big(**{key: -1e3}), big(**{key: 1e3})])
 
     assert kept == []
     assert [fault["message"].split(":")[0] for fault in faults] == ["'own' of -1e+03", "'own' of 1e+03"]
@@ -435,7 +435,7 @@ def test_a_term_for_own_rows_is_granted_no_more_than_others():
 
 
 def test_of_a_term_that_is_not_granted_the_largest_part_is_told():
-    message = granted(Wrapped(), SCENE, [big(absolute=1e-3, relative=1e-9)])[1][0]["message"]
+    message = granted(Wrapped.name, SCENE, [big(absolute=1e-3, relative=1e-9)])[1][0]["message"]
 
     assert message.startswith("'own' of 0.001: no documentation of wrapped states more than 1.14e-13")
 
@@ -467,7 +467,18 @@ def test_a_stopping_rule_is_granted_what_its_tolerance_leaves_of_forty_sizes(siz
     rule = replace(big(absolute=part * 1e-8 * max(size, 1.0 / size)), name="stopping rule")
 
     assert scene.mechanism.size() == size
-    assert len(granted(load("exudyn"), scene, [rule])[0]) == kept
+    assert len(granted("exudyn", scene, [rule])[0]) == kept
+
+
+def test_of_a_residual_that_holds_a_large_angle_so_many_roundings_are_more():
+    """What a driver asks for is in its row: a thousand roundings of that, which are 63.7 turns, not of one."""
+    turns = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
+        law=Polynomial(coefficients=(400.0,)), times=(0.0, 1.0)
+    )
+    sizes = [float(ABSOLUTE) * part for part in (1.0, 1.1, 63.0, 64.0)]
+
+    assert [len(granted("any", turns, [big(absolute=size)])[0]) for size in sizes] == [1, 1, 1, 0]
+    assert [len(granted("any", SCENE, [big(absolute=size)])[0]) for size in sizes] == [1, 0, 0, 0]
 
 
 def test_every_term_that_a_drawn_scene_calls_for_is_granted():
@@ -506,4 +517,4 @@ def test_a_term_of_rates_is_granted_as_far_as_the_shortest_link_may_turn():
     assert [d for d in check(short, ["pinocchio"]).disagreements if d.engine == "pinocchio"] == []
 
     fast = Term(name="own", reason="because", level="acceleration", of_rates=1e-8)
-    assert [granted(Wrapped(), scene, [fast])[0] for scene in (short, SCENE)] == [[], []]
+    assert [granted(Wrapped.name, scene, [fast])[0] for scene in (short, SCENE)] == [[], []]

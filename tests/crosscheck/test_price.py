@@ -98,6 +98,13 @@ def test_digits_are_measured_and_not_what_the_setting_says(made_up):
     assert "fewer digits than at the looser setting 'tolerance 1e-9'" in row.note
 
 
+def test_digits_are_those_of_the_calls_that_are_timed(made_up):
+    """A model that is right the first time alone is sold as what it is afterwards."""
+    row = row_of(made_up, "stale")
+
+    assert (row.digits, row.digits_one) == pytest.approx((3.0, 3.0), abs=1e-6)
+
+
 def test_a_setting_that_keeps_its_word_is_not_suspected(made_up):
     assert not [r for r in made_up.rows if r.method == "honest" and "fewer" in r.note]
 

@@ -21,12 +21,15 @@ from crosscheck.errors import CannotRun
 from crosscheck.problems import VERSION, planar, spatial
 from crosscheck.problems import export as problems
 from crosscheck.problems.export import export
+from crosscheck.problems.exudyn_script import to_exudyn
 from crosscheck.problems.grader import LEVELS
+from crosscheck.problems.mjcf import to_mjcf
 from crosscheck.problems.statement import digits_of, drafts
 from crosscheck.workers.processes import hang
 from refkin.joints import PLANE, SPACE
 from refkin.model import Scene
 from refkin.scenes.files import load, to_dict
+from refkin.scenes.linkages import ScrewJack
 from refkin.solving.solve import solve
 
 HARD = ("near-change-points-05", "near-limits-11", "near-limits-12", "flat-linkages-06", "sizes-08")
@@ -106,7 +109,7 @@ ROUNDINGS = 0.3
 
 def test_the_answers_are_those_of_this_version(folder):
     """Whoever changes a problem or a digit raises `VERSION`, and states the new hashes here and beside it."""
-    assert VERSION == "4"
+    assert VERSION == "5"
     assert json.loads((folder / "problems.json").read_text())["sha256"][:16] == "4d7efd77cdda57a1"
 
 
@@ -293,6 +296,13 @@ def test_two_processes_write_the_same_problems_in_the_same_bytes_again(folder, t
     assert len(list(tmp_path.glob("*/*"))) == 5 * len(SAMPLE[::5])
 
 
+def test_an_element_that_an_export_does_not_know_is_named():
+    scene = ScrewJack(0.1).scene(samples=2)
+    for write in (lambda: to_exudyn(scene, "a jack"), lambda: to_mjcf(scene)):
+        with pytest.raises(CannotRun, match=r"^\w+: no export for "):
+            write()
+
+
 def test_a_problem_at_which_a_process_fails_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(problems, "call_in_turn", lambda *_: iter([hang(600.0)]))
 
@@ -406,7 +416,7 @@ def entries_of(joint):
     return [f"{joint.name}.{axis}" for axis in SPACE.coordinates] if free else [joint.name]
 
 
-TOO_HARD = ("near-change-points", "near-limits", "flat-linkages", "sizes", "motions")
+TOO_HARD = ("near-change-points", "near-limits", "flat-linkages", "motions")
 """Where exudyn's Newton, started at the last pose, goes over to another assembly or stops early: that is its score."""
 
 
@@ -424,4 +434,5 @@ def test_exudyn_runs_the_script_and_answers_what_is_asked(draft, folder, index, 
     _, (line,) = graded(folder, answer, tmp_path)
 
     assert run.returncode == 0
-    assert draft.family in TOO_HARD or scores(line)["position"] > 11.0, line
+    enough = min(11.0, index[name]["attainable"]["position"] - 1.0)  # a million metres away fewer are attainable
+    assert draft.family in TOO_HARD or scores(line)["position"] > enough, line

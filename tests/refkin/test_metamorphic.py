@@ -10,7 +10,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from refkin import AngleDriver, FourBar, Integral, InvertedSliderCrank, Polynomial, Revolute, SliderCrank, Status, solve
+from refkin import (
+    AngleDriver,
+    FourBar,
+    Integral,
+    InvertedSliderCrank,
+    Polynomial,
+    Revolute,
+    Scene,
+    SliderCrank,
+    Status,
+    solve,
+)
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.2))
 TIMES = tuple(np.linspace(0.0, 2.0, 9))
@@ -164,3 +175,18 @@ def test_a_law_and_its_rate_are_the_same_law():
     as_rate = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
 
     assert_same(solved(scene), solved(as_rate), lambda level, k: level)
+
+
+@pytest.mark.parametrize("turned", [1e9, -3e12])
+def test_the_order_of_bodies_decides_no_assembly_where_a_crank_has_turned_far(turned):
+    """A crank at 1e9 rad is equally far from its estimate in each of them, and the square of that swallows the rest."""
+    plain = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
+    m = plain.mechanism
+    estimates = {"crank": (0.5, 0.0, 0.0), "coupler": (2.02, 1.42, 0.95), "rocker": (3.52, 1.42, 1.9)}
+    bodies = tuple(replace(body, estimate=estimates[body.name]) for body in m.bodies)
+    law = Polynomial(coefficients=(turned,))
+    there = [replace(m, bodies=order, drivers=(replace(m.drivers[0], law=law),)) for order in (bodies, bodies[::-1])]
+    poses = [solve(Scene(mechanism=one, times=(0.0,)))["rocker"].q[:, 0] for one in there]
+
+    assert poses[0][1] > 0.0
+    np.testing.assert_allclose(*poses, rtol=0, atol=1e-6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, FourBar, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
-from refkin.errors import InvalidRequest, InvalidScene
+from refkin.errors import InvalidRequest, InvalidScene, RefkinError
 from refkin.joints import (
     DRIVER_TYPES,
     SPATIAL_DRIVER_TYPES,
@@ -250,3 +250,24 @@ def test_the_only_assembly_is_not_said_to_be_one_of_several():
     message = refkin.solve(replace(scene, mechanism=m)).message
 
     assert message == "the estimate alone does not decide: assembly 1 of 1"
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_a_joint_whose_residual_has_other_rows_than_it_says_is_named(rows):
+    """Its rows would be those of the joints after it."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Miscounted(Revolute):
+        type: Literal["miscounted"] = "miscounted"  # type: ignore[assignment]
+
+        @staticmethod
+        def residual(g, f, i, j):
+            return (*Revolute.residual(g, f, i, j), 0.0)[:rows]
+
+    plain = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
+    joints = tuple(
+        Miscounted(**{f.name: getattr(j, f.name) for f in fields(j) if f.name != "type"}) if j.name == "B" else j
+        for j in plain.mechanism.joints
+    )
+    with pytest.raises(RefkinError, match=f"^miscounted 'B': expected a residual of 2 rows, got {rows}$"):
+        refkin.solve(replace(plain, mechanism=replace(plain.mechanism, joints=joints)))
