@@ -102,10 +102,14 @@ def _asked_again(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
             motion = motion_of(scene.times, bodies, levels, method.producer)
             terms, _ = granted(method.engine, scene, method.terms(scene))
             compared = compare(reference(scene), motion, [term for term in terms if term.level in QUANTITIES])
+            again = f"where its model is asked again (method {method.called!r})"
+            if compared.missing:
+                yield LevelFault(STATUS, f"no answer {again}", f"{compared.missing} times")
             for quantity, one in compared.quantities.items():
                 if not one.agrees:
-                    what = f"{quantity} is wrong where its model is asked again (method {method.called!r})"
-                    yield LevelFault(quantity, what, f"{one.ratio.max():.3g} times the allowed error")
+                    yield LevelFault(
+                        quantity, f"{quantity} is wrong {again}", f"{one.ratio.max():.3g} times the allowed"
+                    )
                     break
 
 

@@ -91,13 +91,16 @@ class Stale(Right):
     name = "stale"
     kept = MappingProxyType({ROUTE: ""})
 
+    def __init__(self, then: float = 1e-3) -> None:
+        self.then = then
+
     def model(self, scene, route=None):
         asked, calls = self, iter([0.0])
 
         class Kept:
             def solve(self, scene) -> Motion:
                 motion = asked.solve(scene)
-                return replace(motion, q=motion.q + next(calls, 1e-3))
+                return replace(motion, q=motion.q + next(calls, asked.then))
 
         return Kept()
 

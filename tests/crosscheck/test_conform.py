@@ -236,7 +236,9 @@ def test_an_engine_that_hangs_again_and_again_is_asked_no_more(tmp_path, monkeyp
 
 def test_a_model_is_asked_again_because_such_a_one_is_priced():
     (fault,) = ask(Stale(), ASKED["revolute"]).faults
+    (lost,) = ask(Stale(np.nan), ASKED["revolute"]).faults
 
+    assert lost.what == "no answer where its model is asked again (method 'planted')"
     assert fault.what == "position is wrong where its model is asked again (method 'planted')"
     assert ask(load("mujoco"), ASKED["fixed"]).faults == ()
 
