@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import Fault, InvalidScene, NotCalledFor, expect
+from refkin.errors import Fault, InvalidScene, NotCalledFor, RefkinError, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
@@ -80,18 +80,16 @@ class System:
 
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
-        q = np.asarray(q)
         return _stack(self.rows(self._values(q), t, 0, lambda c: c.residual), self.m, q, t)
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
-        q = np.asarray(q)
         values = self._values(q)
-        out = np.zeros((self.m, self.n, *q.shape[1:]), dtype=np.result_type(q, np.asarray(t)))
+        out = np.zeros((self.m, self.n, *np.shape(q)[1:]), dtype=np.result_type(np.asarray(q), np.asarray(t)))
         for p in self.placed:
             blocks = p.constraint.jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
             for start, block in ((s, b) for s, b in zip(p.starts, blocks, strict=True) if s is not None):
-                for k, row in enumerate(block, p.row):
+                for k, row in zip(range(p.row, p.row + p.constraint.rows), block, strict=True):
                     for column, entry in enumerate(row, start):
                         out[k, column] = entry
         return out
@@ -99,14 +97,12 @@ class System:
     def nu(self, q: Any, t: Any) -> Any:
         """Return the velocity right side nu = -phi_t, (m,) or (m, B)."""
         self._called_for(Effect.VELOCITY)
-        q = np.asarray(q)
         return _stack(self.rows(self._values(q), t, 1, lambda c: c.nu), self.m, q, t)
 
     def gamma(self, q: Any, qd: Any, t: Any) -> Any:
         """Return the acceleration right side gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt, (m,) or (m, B)."""
         self._called_for(Effect.ACCELERATION)
-        q, qd = np.asarray(q), np.asarray(qd)
-        return _stack(self.rows(self._values(q, qd), t, 2, lambda c: c.gamma), self.m, q + qd, t)
+        return _stack(self.rows(self._values(q, qd), t, 2, lambda c: c.gamma), self.m, np.add(q, qd), t)
 
     def to_unit(self, q: Any, order: int = 0) -> Any:
         """Return coordinates (order 0) or rates (1, 2) in m and rad as those of this system: all n, or the bodies'."""
@@ -128,7 +124,7 @@ class System:
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
-        numbers = q.tolist() if q.ndim == 1 else q
+        numbers = q.tolist() if (q := np.asarray(q)).ndim == 1 else q
         kind, width = self.kind, self.kind.width
         places = {k: slice(k, k + width) for k in range(0, self.of_bodies, width)}
         places |= {k: slice(k, k + 1) for k in range(self.of_bodies, self.n)}
@@ -136,7 +132,7 @@ class System:
         for k, at in places.items():
             values[k] = (kind.values if k < self.of_bodies else ParameterValue)(*numbers[at])
         if qd is not None:
-            rates = qd.tolist() if qd.ndim == 1 else qd
+            rates = qd.tolist() if (qd := np.asarray(qd)).ndim == 1 else qd
             values[None].moving(*(0.0,) * width)
             for k, at in places.items():
                 values[k].moving(*rates[at])
@@ -159,9 +155,12 @@ class System:
         return kept[1]
 
     def rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:
-        """Yield the rows of one formula; laws are evaluated up to `order`, no further."""
+        """Yield the rows of one formula, as many as there are; laws are evaluated up to `order`, no further."""
         for p in self.placed:
-            yield from formula(p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
+            own = formula(c := p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
+            if len(own) != c.rows:
+                raise RefkinError(f"{c.type} {c.name!r}: expected a formula to have {c.rows} rows, got {len(own)}")
+            yield from own
 
     def _called_for(self, effect: Effect) -> None:
         if effect not in self.effects:
@@ -206,7 +205,7 @@ def _geometry(constraint: Constraint, unit: Unit) -> tuple[float, ...]:
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:
     """Return rows, some of them plain numbers, as one array of the arithmetic of q and t."""
-    out = np.empty((m, *q.shape[1:]), dtype=np.result_type(q, np.asarray(t)))
+    out = np.empty((m, *np.shape(q)[1:]), dtype=np.result_type(np.asarray(q), np.asarray(t)))
     for k, row in enumerate(rows):
         out[k] = row
     return out

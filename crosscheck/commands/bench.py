@@ -16,14 +16,13 @@ from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, Names, coloured, console, shown_progress, table
-from crosscheck.engines.methods import OURS
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.bench import key_of, measured_apart, merged
 from crosscheck.measure.effects import REFKIN, effects_ledger
 from crosscheck.measure.price_process import Key
 from crosscheck.scenes import workloads
-from crosscheck.scenes.names import called
+from crosscheck.scenes.names import OURS, called
 from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure
 from refkin.motion import Status

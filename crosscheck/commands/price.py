@@ -13,7 +13,7 @@ from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
-from crosscheck.engines.methods import OURS, PRICED
+from crosscheck.engines.methods import PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
 from crosscheck.judge.prices import (
     CONTENDS,
@@ -34,7 +34,7 @@ from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
 from crosscheck.report.wording import filled
-from crosscheck.scenes.names import called
+from crosscheck.scenes.names import OURS, called
 from crosscheck.workers.timing import machine, versions
 from refkin.model import Scene
 from refkin.scenes.files import load

@@ -33,7 +33,6 @@ from crosscheck.engines import (
     terms_of,
 )
 from crosscheck.engines.undisturbed import quiet
-from crosscheck.scenes.names import OURS as OURS
 from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops

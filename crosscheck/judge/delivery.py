@@ -89,7 +89,8 @@ def granted(engine: str, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
         least = min(term.absolute, term.relative, term.of_rates)  # one below 0 would pay for another
-        if _so_small(absolute, most, scene) and relative <= formulas and _is_rounding(of_rates, scene) and least >= 0.0:
+        small = _so_small(absolute, most, scene) if term.level == QUANTITIES[0] else absolute <= most
+        if small and relative <= formulas and _is_rounding(of_rates, scene) and least >= 0.0:
             allowed.append(term)
             continue
         size = least if least < 0.0 else max(term.absolute, term.relative, term.of_rates)
@@ -271,14 +272,14 @@ def _most(engine: str, scene: Scene, term: Term) -> float:
 
 
 def _so_small(absolute: float, most: float, scene: Scene) -> bool:
-    """Return whether an error of a residual is at most so large; times as many turns as the drivers' laws ask for."""
+    """Return whether an error of a residual is at most so large, or rounding of it: of as many turns as drivers go."""
     if absolute <= most:
         return True
-    largest, t, unit = 1.0, np.array(scene.times), scene.mechanism.unit()
+    turns, t, unit = 1.0, np.array(scene.times), scene.mechanism.unit()
     for driver in scene.mechanism.drivers:
         _, factor = driver.law_scale(unit)
-        largest = max(largest, *(float(np.max(np.abs(law(t, 0)))) / factor / math.tau for law in driver.laws))
-    return absolute <= most * largest
+        turns = max(turns, *(float(np.max(np.abs(law(t, 0)))) / factor / math.tau for law in driver.laws))
+    return absolute <= turns * ABSOLUTE  # what is documented grows with no turn
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

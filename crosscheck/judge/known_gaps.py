@@ -52,9 +52,8 @@ def anywhere(record: Record) -> bool:
     return True
 
 
-PREDICATES: dict[str, Predicate] = {
-    f.__name__: f for f in (step_beyond_newton, step_beyond_newton_in_space, ends_in_a_singular_pose, anywhere)
-}
+OF_STEPS = (step_beyond_newton, step_beyond_newton_in_space)
+PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (*OF_STEPS, ends_in_a_singular_pose, anywhere)}
 ENOUGH = 30
 """Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
 
@@ -101,13 +100,11 @@ class KnownGap(Strict):
         d = disagreement
         has = {"method": (d.method,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
         fits = d.engine == self.engine and all(value in has[key] for key, value in self.match.items())
-        return fits and self.holds(record) and (d.kind is not Cause.NO_ANSWER or self._has_begun(record, d))
-
-    def _has_begun(self, record: Record, disagreement: Disagreement) -> bool:
-        """Return whether a motion that ends because of a step has a pose to step from."""
-        who = disagreement.engine, disagreement.method
-        begun = any(a.missing < a.times for a in record.answers if (a.engine, a.method.name) == who)
-        return begun or not self.predicate.startswith("step_")
+        if d.kind is Cause.NO_ANSWER and PREDICATES[self.predicate] in OF_STEPS:  # there is a pose to step from
+            fits &= any(
+                a.missing < a.times for a in record.answers if (a.engine, a.method.name) == (d.engine, d.method)
+            )
+        return fits and self.holds(record)
 
     def holds(self, record: Record) -> bool:
         """Return whether the scene of a record is of the kind in which the gap shows; not if nothing is known of it."""

@@ -12,10 +12,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
-from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
+from crosscheck.engines.methods import Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
 from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops
 from crosscheck.measure.price_process import Key, any_of
+from crosscheck.scenes.names import OURS
 from crosscheck.scenes.workloads import LoopChain, Workload, workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.processes import Failure, FailureKind, call_each, call_in_turn

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import OURS, Method, Model, Use, floats, methods
+from crosscheck.engines.methods import Method, Model, Use, floats, methods
 from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, settings
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
-from crosscheck.scenes.names import order_of
+from crosscheck.scenes.names import OURS, order_of
 from crosscheck.workers.processes import Failure, told_if_raised
 from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
 from refkin.model import Scene
@@ -178,8 +178,8 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
 def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
     """Have a method answer for so many poses; return its digits, and what is to be said of them, by quantity.
 
-    A model is asked twice: its first call may compile what the others find, and those are what is timed, so that they
-    are judged as well. A very long one is not much longer for that.
+    A model is asked twice: its first call may compile what the others find. The second is that which is timed, so it is
+    judged. A very long first one is not much longer for that, and is the only one.
     """
     models, fewest = list[Model](), Digits()
     took = 0.0
@@ -189,16 +189,16 @@ def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
             begun = time.process_time()
             answer = models[-1].solve(run.order)
             once = time.process_time() - begun
-            levels = list(models[-1].read(answer))
-            run.order = min(run.order, len(levels) - 1)
-            shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
-            nothing = [np.full(shape, np.nan)] * (run.order + 1 - len(levels))
-            levels = [floats(x)[:, :: question.compared] for x in (*levels[: run.order + 1], *nothing)]
-            for k, level in enumerate(levels):
-                fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
             if once > VERY_LONG:
                 break
         took += once
+        levels = list(models[-1].read(answer))
+        run.order = min(run.order, len(levels) - 1)
+        shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
+        nothing = [np.full(shape, np.nan)] * (run.order + 1 - len(levels))
+        levels = [floats(x)[:, :: question.compared] for x in (*levels[: run.order + 1], *nothing)]
+        for k, level in enumerate(levels):
+            fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses], run.digits[poses] = models, took, fewest
     return fewest
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from crosscheck.documents.ledger.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import OURS, PRICED, Use, copied, methods
+from crosscheck.engines.methods import PRICED, Use, copied, methods
 from crosscheck.judge.comparison import QuantityComparison, compare, reference
 from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
 from crosscheck.measure.check import estimated
@@ -37,6 +37,7 @@ from crosscheck.measure.price import LEAST, price_list
 from crosscheck.night.moving_parts import HEIGHT, WIDTH, DrawnSample, SceneDrawing, SpaceDrawing
 from crosscheck.night.plan import PICTURES, replace_file
 from crosscheck.scenes.hard import priced_classes
+from crosscheck.scenes.names import OURS
 from crosscheck.workers.pool import Job
 from crosscheck.workers.processes import Failure, call_in_turn
 from refkin.model import Point, Scene

@@ -93,7 +93,7 @@ def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
 def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -> tuple[str, str]:
     """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it.
 
-    Hard cases are counted by kind: those of one kind begin alike, and what is wrong there is wrong in each of them.
+    Hard cases are counted by kind: those of one kind often begin alike, and what is wrong there is wrong in each.
     """
     kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
     parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]

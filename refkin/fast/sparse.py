@@ -141,13 +141,14 @@ class SparseSystem:
 
     def _entries(self, q: Any, t: float) -> Iterator[tuple[Any, Any, Any]]:
         """Yield rows, columns and values of the entries that are not the integer 0; others are always 0."""
-        blocks = self.grouped.rows(_Values(self.system, q), t, 0, lambda c: c.jacobian)
-        sides = ((p.constraint.at, start) for p in self.grouped.placed for start in p.starts)
-        for (rows, start), block in zip(sides, blocks, strict=True):
-            for row, entries in zip(rows, block, strict=True) if start is not None else ():
-                for k, entry in enumerate(entries):
-                    if not (isinstance(entry, int) and entry == 0):
-                        yield row, start + k, entry
+        values = _Values(self.system, q)
+        for p in self.grouped.placed:
+            blocks = p.constraint.jacobian(p.g, self.grouped._given(p, values, t, 0), *(values[s] for s in p.starts))
+            for start, block in zip(p.starts, blocks, strict=True):
+                for row, entries in zip(p.constraint.at, block, strict=True) if start is not None else ():
+                    for k, entry in enumerate(entries):
+                        if not (isinstance(entry, int) and entry == 0):
+                            yield row, start + k, entry
 
     def _right(self, q: Any, qd: Any, t: float, order: int, formula: str) -> Any:
         out, places = np.zeros(self.system.m), (row for p in self.grouped.placed for row in p.constraint.at)

@@ -162,7 +162,8 @@ def _choice(
 ) -> tuple[Any, str]:
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first.
 
-    Coordinates in which all agree, as that of a driven crank, say nothing, and may be far larger than the others.
+    A coordinate in which all agree, as that of a driven crank, counts for half a turn at most, lest its square swallow
+    the others.
     Where not all assemblies are known, that to which Newton's method went, `own`, is one of them. A singular one is
     chosen only where it is much nearer than all others: no motion starts there. It may be the only one: all were looked
     for because the estimate alone did not decide.
@@ -174,8 +175,10 @@ def _choice(
         held[system.parameter(cam.name)] = cam.contact_estimate is not None
     poses = [_turned_to(system, q, estimate, held, t) for q in (*search.poses, *([] if own is None else [own]))]
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
+    away = np.abs(np.array(poses) - estimate)
     shared = np.ptp(poses, axis=0) <= 4.0 * np.spacing(np.max(np.abs(poses), axis=0))
-    distances = [float(np.linalg.norm((q - estimate)[held & ~shared])) for q in poses]
+    away[:, shared] = np.minimum(away[:, shared], np.pi)
+    distances = [float(np.linalg.norm(x[held])) for x in away]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
     others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]

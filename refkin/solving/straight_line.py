@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from refkin.errors import RefkinError
 from refkin.proof.numbers.bounded import NoFormula
 from refkin.proof.numbers.symbols import Graph, Symbol, coordinates, needed, symbolic_system
 from refkin.system import System
@@ -90,12 +89,7 @@ class StraightLineProgram:
         graph, self.placed = Graph(), system.placed
         geometry = [tuple(map(graph.constant, p.g)) for p in system.placed]
         q, symbolic = coordinates(graph, "q", system.n), symbolic_system(system, graph, geometry, held=True)
-        try:
-            phi, phi_q = symbolic.phi(q, 0.0), symbolic.phi_q(q, 0.0)
-        except IndexError:  # a row too many
-            phi = [None]
-        if any(x is None for x in phi):
-            _blame_rows(symbolic, q)
+        phi, phi_q = symbolic.phi(q, 0.0), symbolic.phi_q(q, 0.0)
         rest = needed([s for s in (*phi, *phi_q.flat) if isinstance(s, Symbol)], dict.fromkeys(q))
         places = {s: k for k, s in enumerate([*q, *rest])}
         self.start: list[Any] = [s.value if s.op == "const" else None for s in places]
@@ -117,16 +111,6 @@ class StraightLineProgram:
     def _profile(system: System, k: int, order: int) -> Any:
         constraint = system.placed[k].constraint
         return lambda s, _: constraint.profile_values(s, system.unit, order)[order]
-
-
-def _blame_rows(system: System, q: Any) -> None:
-    """Raise RefkinError: which constraint's residual has more rows, or fewer, than it says."""
-    values = system._values(q)
-    for p in system.placed:
-        count = sum(1 for _ in replace(system, placed=(p,)).rows(values, 0.0, 0, lambda c: c.residual))
-        if count != p.constraint.rows:
-            what = f"{p.constraint.type} {p.constraint.name!r}"
-            raise RefkinError(f"{what}: expected a residual of {p.constraint.rows} rows, got {count}")
 
 
 OPERATIONS = {

@@ -253,21 +253,29 @@ def test_the_only_assembly_is_not_said_to_be_one_of_several():
 
 
 @pytest.mark.parametrize("rows", [1, 3])
-def test_a_joint_whose_residual_has_other_rows_than_it_says_is_named(rows):
-    """Its rows would be those of the joints after it."""
+@pytest.mark.parametrize("formula", ["residual", "nu", "gamma", "jacobian"])
+def test_a_joint_with_other_rows_than_it_says_is_refused(formula, rows):
+    """Its rows would be those of the joints after it: accelerations that are proved, and wrong."""
 
     @dataclass(frozen=True, kw_only=True)
     class Miscounted(Revolute):
         type: Literal["miscounted"] = "miscounted"  # type: ignore[assignment]
 
-        @staticmethod
-        def residual(g, f, i, j):
-            return (*Revolute.residual(g, f, i, j), 0.0)[:rows]
+    def short(own):
+        return (*own, (0, 0, 0) if formula == "jacobian" else 0.0)[:rows]
 
+    def changed(*at):
+        own = getattr(Revolute, formula)(*at)
+        return tuple(map(short, own)) if formula == "jacobian" else short(own)
+
+    setattr(Miscounted, formula, staticmethod(changed))
     plain = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
     joints = tuple(
         Miscounted(**{f.name: getattr(j, f.name) for f in fields(j) if f.name != "type"}) if j.name == "B" else j
         for j in plain.mechanism.joints
     )
-    with pytest.raises(RefkinError, match=f"^miscounted 'B': expected a residual of 2 rows, got {rows}$"):
+    told = (
+        "argument 2 is" if formula == "jacobian" else f"^miscounted 'B': expected a formula to have 2 rows, got {rows}$"
+    )
+    with pytest.raises(ValueError if formula == "jacobian" else RefkinError, match=told):
         refkin.solve(replace(plain, mechanism=replace(plain.mechanism, joints=joints)))
