@@ -61,8 +61,7 @@ def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_ST
     columns = []
     for k, size in enumerate(steps):
         # Each coordinate is moved on a fresh copy: what one column moved must not stay moved for the next.
-        moved = np.zeros(x.shape, complex if scheme is Scheme.COMPLEX_STEP else float)
-        moved[k] = 1j * size if scheme is Scheme.COMPLEX_STEP else size
+        moved = np.where(np.arange(x.size) == k, 1j * size if scheme is Scheme.COMPLEX_STEP else size, 0.0)
         if scheme is Scheme.COMPLEX_STEP:
             columns.append(np.imag(f(x + moved)) / size)
         elif scheme is Scheme.CENTRAL:

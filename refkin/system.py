@@ -84,14 +84,11 @@ class System:
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
-        values = self._values(q)
         out = np.zeros((self.m, self.n, *np.shape(q)[1:]), dtype=np.result_type(np.asarray(q), np.asarray(t)))
-        for p in self.placed:
-            blocks = p.constraint.jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
-            for start, block in ((s, b) for s, b in zip(p.starts, blocks, strict=True) if s is not None):
-                for k, row in zip(range(p.row, p.row + p.constraint.rows), block, strict=True):
-                    for column, entry in enumerate(row, start):
-                        out[k, column] = entry
+        for p, start, block in self.blocks(self._values(q), t):
+            for k, row in enumerate(block, p.row):
+                for column, entry in enumerate(row, start):
+                    out[k, column] = entry
         return out
 
     def nu(self, q: Any, t: Any) -> Any:
@@ -158,9 +155,16 @@ class System:
         """Yield the rows of one formula, as many as there are; laws are evaluated up to `order`, no further."""
         for p in self.placed:
             own = formula(c := p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
-            if len(own) != c.rows:
-                raise RefkinError(f"{c.type} {c.name!r}: expected a formula to have {c.rows} rows, got {len(own)}")
-            yield from own
+            yield from _counted(c, own, c.rows, "rows")
+
+    def blocks(self, values: Any, t: Any) -> Iterable[tuple[ConstraintRows, Any, Any]]:
+        """Yield the blocks of phi_q that are not the ground's: whose each is, where its columns start, its rows."""
+        for p in self.placed:
+            own = (c := p.constraint).jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
+            for start, block in zip(p.starts, _counted(c, own, len(p.starts), "blocks"), strict=True):
+                if start is not None:
+                    width = self.kind.width if np.max(start) < self.of_bodies else 1
+                    yield p, start, [_counted(c, row, width, "columns") for row in _counted(c, block, c.rows, "rows")]
 
     def _called_for(self, effect: Effect) -> None:
         if effect not in self.effects:
@@ -201,6 +205,12 @@ def _geometry(constraint: Constraint, unit: Unit) -> tuple[float, ...]:
     except ArithmeticError as error:
         what = f"numbers that the formulas of a {constraint.type} can take ({error})"
         raise InvalidScene([Fault(constraint.name, None, what)], "mechanism") from error
+
+
+def _counted(c: Constraint, parts: Any, count: int, what: str) -> Any:
+    if len(parts) != count:
+        raise RefkinError(f"{c.type} {c.name!r}: expected a formula to have {count} {what}, got {len(parts)}")
+    return parts
 
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:

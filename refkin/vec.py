@@ -72,13 +72,10 @@ class BodyValues:
 
     def point_motion(self, u: tuple[float, ...], qd: Any, qdd: Any) -> Iterator[tuple[Scalar, Scalar] | None]:
         """Yield r = R + A u, v = R' + omega x A u, a = R'' + alpha x A u - omega^2 A u; None for rates not given."""
-        arm, v, a = self.turned(Vec(*u)), None, None
-        if qd is not None:
-            v = Vec(qd[0], qd[1]) + arm.perp() * qd[2]
-        if qdd is not None:
-            a = Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])
-        for x in (self.r + arm, v, a):
-            yield None if x is None else x.parts
+        arm = self.turned(Vec(*u))
+        yield (self.r + arm).parts
+        yield None if qd is None else (Vec(qd[0], qd[1]) + arm.perp() * qd[2]).parts
+        yield None if qdd is None else (Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])).parts
 
 
 class ParameterValue:

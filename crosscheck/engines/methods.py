@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -309,8 +310,11 @@ def _listed(engine: str | Engine) -> list[Method]:
 
 
 def copied(scene: Scene) -> Scene:
-    """Return an equal scene, all of it anew; `deepcopy` takes five times as long."""
-    new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
+    """Return an equal scene, all of it anew."""
+    try:
+        new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
+    except (AttributeError, TypeError, pickle.PicklingError):  # a class of one's own that a function defines
+        return deepcopy(scene)  # takes five times as long
     return new
 
 

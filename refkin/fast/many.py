@@ -25,6 +25,7 @@ from refkin.fast.prepare import dropped, upstream
 from refkin.joints import PLANE, polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
+from refkin.proof.formulas import agreeing
 from refkin.system import compile_system
 
 
@@ -161,7 +162,7 @@ def solve_many(
 
 def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> tuple[Family, Compiled]:
     """Return the family, reduced to what the wanted bodies depend on, and what is compiled of it."""
-    system = compile_system(scene.mechanism, scene.effects)
+    system = agreeing(compile_system(scene.mechanism, scene.effects), scene.times[0])
     if system.kind is not PLANE:
         raise RefkinError(
             f"{scene.name} is {system.kind.name}: `solve_many` takes planar families, `sweep` either kind"

@@ -15,6 +15,7 @@ from refkin.fast.residual import without_zeros
 from refkin.joints import GROUND
 from refkin.model import Evidence, Mechanism, Scene
 from refkin.motion import Status
+from refkin.proof.formulas import agreeing
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.solving.starts import Start, find_start
@@ -68,7 +69,7 @@ class Prepared:
 
 def prepared(scene: Scene) -> Prepared | None:
     """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
-    system = compile_system(scene.mechanism, scene.effects, scene.mechanism.unit())
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
     start: Start | None = None
     rows: Any = range(system.n)
     if system.m != system.n:

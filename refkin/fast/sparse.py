@@ -18,6 +18,7 @@ from refkin.joints import Unit, initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 from refkin.newton import ROUND_OFF, contracts
+from refkin.proof.formulas import agreeing
 from refkin.system import ConstraintRows, System, compile_system
 from refkin.vec import BodyValues, ParameterValue
 
@@ -141,14 +142,11 @@ class SparseSystem:
 
     def _entries(self, q: Any, t: float) -> Iterator[tuple[Any, Any, Any]]:
         """Yield rows, columns and values of the entries that are not the integer 0; others are always 0."""
-        values = _Values(self.system, q)
-        for p in self.grouped.placed:
-            blocks = p.constraint.jacobian(p.g, self.grouped._given(p, values, t, 0), *(values[s] for s in p.starts))
-            for start, block in zip(p.starts, blocks, strict=True):
-                for row, entries in zip(p.constraint.at, block, strict=True) if start is not None else ():
-                    for k, entry in enumerate(entries):
-                        if not (isinstance(entry, int) and entry == 0):
-                            yield row, start + k, entry
+        for p, start, block in self.grouped.blocks(_Values(self.system, q), t):
+            for row, entries in zip(p.constraint.at, block, strict=True):
+                for k, entry in enumerate(entries):
+                    if not (isinstance(entry, int) and entry == 0):
+                        yield row, start + k, entry
 
     def _right(self, q: Any, qd: Any, t: float, order: int, formula: str) -> Any:
         out, places = np.zeros(self.system.m), (row for p in self.grouped.placed for row in p.constraint.at)
@@ -198,7 +196,7 @@ def solve_large(scene: Scene) -> Large:
     Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once,
     the residual is at round-off and `Large.h` is small; nothing is searched for and nothing is proved.
     """
-    system = compile_system(scene.mechanism, scene.effects, scene.mechanism.unit())
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
     missing = [b.name for b in scene.mechanism.bodies if b.estimate is None]
     if missing:
         raise InvalidScene([Fault(f"body {missing[0]!r}", None, "an estimate of its first pose")], scene.name)

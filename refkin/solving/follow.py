@@ -21,6 +21,7 @@ from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
 from refkin.output.tables import Tabled
+from refkin.proof.formulas import agreeing
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.curve import Crossing, Curve
@@ -212,7 +213,7 @@ def follow(
         raise ValueError("a system alone does not say where to start: give (q, t)")
     if not limits[0] <= t <= limits[1]:
         raise InvalidRequest("until", f"two values that t = {t:.17g}, where the path begins, is between", str(limits))
-    frames = recentred(system)
+    frames = recentred(agreeing(system, t))
     if q is None:
         return _Continuation(frames, None, limits).path(Trace(), message)
     q = frames.inward(q)

@@ -18,6 +18,7 @@ from refkin.newton import is_round_off
 from refkin.output.scene_motion import SceneMotion
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.search import Assemblies
+from refkin.proof.formulas import agreeing
 from refkin.proof.numbers.inputs import HALF_ULP, has_digits, input_effect, output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
@@ -56,7 +57,8 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
 
 def _solved(scene: Scene, certified: bool) -> SceneMotion:
-    system = StraightLineSystem.of(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()))
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
+    system = StraightLineSystem.of(system)
     assembled = cache(lambda t: assemblies(system, t, trying=False))
     q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)
     answer = _Answer(system, scene, q, status, message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import PRICED, Use, methods
+from crosscheck.engines.methods import PRICED, Use, copied, methods
 from crosscheck.engines.tree.newton import _extrapolated, solved_one, solved_rows
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.truth import CertifiedTruth
+from crosscheck.measure.check import check
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -307,3 +308,19 @@ def test_systems_of_loops_are_solved_whatever_their_size(size):
 
     assert solved_rows(matrices, right) == pytest.approx(x, abs=1e-12)
     assert np.array(list(map(solved_one, matrices, right))) == pytest.approx(x, abs=1e-12)
+
+
+def test_a_joint_that_a_function_defines_is_copied():
+    """Nothing can pickle its class, and the engines were blamed for that."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Pin(Revolute):
+        """A pin of one's own."""
+
+    pins = tuple(Pin(**{f.name: getattr(j, f.name) for f in fields(j) if f.init}) for j in SCENE.mechanism.joints)
+    scene = replace(SCENE, mechanism=replace(SCENE.mechanism, joints=pins))
+    other = copied(scene)
+
+    assert other == scene
+    assert other.mechanism.joints[0] is not scene.mechanism.joints[0]
+    assert check(scene, ["pinocchio"]).disagreements == []

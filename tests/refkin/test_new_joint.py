@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, FourBar, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
+from refkin import AngleDriver, Body, Effect, FourBar, Integral, Mechanism, Polynomial, Revolute, Scene, Sinusoid
 from refkin.errors import InvalidRequest, InvalidScene, RefkinError
+from refkin.fast import solve_large, solve_many
+from refkin.fast import sweep as fast_sweep
 from refkin.joints import (
     DRIVER_TYPES,
     SPATIAL_DRIVER_TYPES,
@@ -252,30 +255,84 @@ def test_the_only_assembly_is_not_said_to_be_one_of_several():
     assert message == "the estimate alone does not decide: assembly 1 of 1"
 
 
-@pytest.mark.parametrize("rows", [1, 3])
-@pytest.mark.parametrize("formula", ["residual", "nu", "gamma", "jacobian"])
-def test_a_joint_with_other_rows_than_it_says_is_refused(formula, rows):
-    """Its rows would be those of the joints after it: accelerations that are proved, and wrong."""
+def with_formula(formula: str, changed: Any) -> Scene:
+    """Return a four-bar whose pin B is a joint of its own class, one formula of which is changed."""
 
     @dataclass(frozen=True, kw_only=True)
     class Miscounted(Revolute):
         type: Literal["miscounted"] = "miscounted"  # type: ignore[assignment]
 
-    def short(own):
-        return (*own, (0, 0, 0) if formula == "jacobian" else 0.0)[:rows]
-
-    def changed(*at):
-        own = getattr(Revolute, formula)(*at)
-        return tuple(map(short, own)) if formula == "jacobian" else short(own)
-
-    setattr(Miscounted, formula, staticmethod(changed))
+    setattr(Miscounted, formula, staticmethod(lambda *at: changed(getattr(Revolute, formula)(*at))))
     plain = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
     joints = tuple(
         Miscounted(**{f.name: getattr(j, f.name) for f in fields(j) if f.name != "type"}) if j.name == "B" else j
         for j in plain.mechanism.joints
     )
-    told = (
-        "argument 2 is" if formula == "jacobian" else f"^miscounted 'B': expected a formula to have 2 rows, got {rows}$"
-    )
-    with pytest.raises(ValueError if formula == "jacobian" else RefkinError, match=told):
-        refkin.solve(replace(plain, mechanism=replace(plain.mechanism, joints=joints)))
+    return replace(plain, mechanism=replace(plain.mechanism, joints=joints))
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+@pytest.mark.parametrize("formula", ["residual", "nu", "gamma"])
+def test_a_joint_with_other_rows_than_it_says_is_refused(formula, rows):
+    """Its rows would be those of the joints after it: accelerations that are proved, and wrong."""
+    scene = with_formula(formula, lambda own: (*own, 0.0)[:rows])
+    with pytest.raises(RefkinError, match=f"^miscounted 'B': expected a formula to have 2 rows, got {rows}$"):
+        refkin.solve(scene)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (lambda own: [block[:1] for block in own], "2 rows, got 1"),
+        (lambda own: [(*block, (0, 0, 0)) for block in own], "2 rows, got 3"),
+        (lambda own: [[row[:2] for row in block] for block in own], "3 columns, got 2"),
+        (lambda own: [[(*row, 1) for row in block] for block in own], "3 columns, got 4"),
+        (lambda own: own[:1], "2 blocks, got 1"),
+    ],
+    ids=["row short", "row more", "column short", "column more", "block short"],
+)
+def test_a_jacobian_of_another_shape_is_refused(changed, told):
+    """A column more would be the next body's: velocities that are proved, and wrong."""
+    with pytest.raises(RefkinError, match=f"^miscounted 'B': expected a formula to have {told}$"):
+        refkin.solve(with_formula("jacobian", changed))
+
+
+SOLVERS = {
+    "solve": refkin.solve,
+    "sweep": fast_sweep,
+    "solve_many": lambda scene: solve_many(scene, {}),
+    "solve_large": solve_large,
+    "follow": refkin.follow,
+}
+
+
+@pytest.mark.parametrize("solved", SOLVERS.values(), ids=SOLVERS)
+@pytest.mark.parametrize(
+    ("formula", "changed", "told"),
+    [
+        (
+            "jacobian",
+            lambda own: [[(row[0], row[1], 2 * row[2]) for row in block] for block in own],
+            r"jacobian\[0, 2\]",
+        ),
+        ("nu", lambda own: (own[0], 0.25), r"nu\[1\] to be the derivative of the residual, -?0, got 0.25"),
+        ("gamma", lambda own: (own[0], -own[1]), r"gamma\[1\]"),
+    ],
+    ids=["jacobian", "nu", "gamma"],
+)
+def test_a_formula_that_is_not_the_derivative_of_the_residual_is_refused(formula, changed, told, solved):
+    """A pose is proved by the residual: wrong rates came with a certified radius of 1e-17."""
+    with pytest.raises(RefkinError, match=f"^miscounted 'B': expected {told}"):
+        solved(with_formula(formula, changed))
+
+
+def test_a_formula_that_takes_no_complex_number_is_named():
+    scene = with_formula("residual", lambda own: (math.sin(own[0]), own[1]))
+    with pytest.raises(RefkinError, match=r"^miscounted 'B': formulas add, subtract, .* by refkin.vec"):
+        refkin.solve(scene)
+
+
+def test_rates_that_nobody_calls_for_are_not_asked():
+    scene = replace(with_formula("gamma", lambda own: (own[0], -own[1])), effects=frozenset({Effect.VELOCITY}))
+
+    assert refkin.solve(scene).verdict == "ok"
