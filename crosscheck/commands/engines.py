@@ -63,7 +63,7 @@ def capability_table(engines: Iterable[Engine]) -> Table:
 
 def agreement_table(record: Record) -> Table:
     """Return engine and method x quantity: worst digits and worst error / allowed, and who did what."""
-    numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst digits", ">error/\nallowed")]
+    numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst\ndigits", ">error/\nallowed")]
     rows = []
     for answer in record.answers:
         method = answer.method
@@ -74,7 +74,7 @@ def agreement_table(record: Record) -> Table:
             cells.append(f"{min(digits) / 10:.1f}" if digits else "-")
             cells.append("-" if numbers_of is None or numbers_of.ratio is None else f"{numbers_of.ratio:.2g}")
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
-    heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no answer")
+    heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no\nanswer")
     return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
 
 

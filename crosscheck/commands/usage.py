@@ -115,7 +115,7 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
 
     shown = Table(title=title)
     for head in heads:
-        shown.add_column(head.removeprefix(">"), justify="right" if head.startswith(">") else "left")
+        shown.add_column(head.removeprefix(">"), justify="right" if head.startswith(">") else "left", overflow="fold")
     for row in rows:
         if row is None:
             shown.add_section()
