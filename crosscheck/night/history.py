@@ -204,12 +204,6 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
         with closing(sqlite3.connect(path, timeout=30.0)) as db:
             db.row_factory = sqlite3.Row
             db.executescript(TABLES)
-            if db.execute("SELECT 1 FROM pragma_table_info('accuracy') WHERE name = 'route'").fetchone():
-                db.execute("ALTER TABLE accuracy RENAME COLUMN route TO method")  # of nights before 22 November 2026
-            if not db.execute("SELECT 1 FROM pragma_table_info('cost') WHERE name = 'priced'").fetchone():
-                db.execute("ALTER TABLE cost ADD COLUMN priced INTEGER NOT NULL DEFAULT 0")  # before 25 November 2026
-                db.execute("UPDATE cost SET priced = instr(series, ': ') > 0")
-                db.commit()
             yield db
     except sqlite3.Error as error:
         raise HistoryError(f"{path}: {error}") from error

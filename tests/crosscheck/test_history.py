@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from crosscheck.night.history import TABLES, HistoryError, append, change_points, nights, remember, trends, warnings
+from crosscheck.night.history import HistoryError, append, change_points, nights, remember, trends, warnings
 from crosscheck.report.build import build, summarized
 
 from .fake_engines import crosscheck
@@ -268,17 +267,3 @@ def test_a_history_that_cannot_be_shown_is_told_in_one_line(
 
     assert (told.returncode, told.stderr.count("\n")) == (code, 1)
     assert str(path) in told.stderr
-
-
-def test_a_history_whose_methods_were_called_routes_is_taken_along(tmp_path: Path) -> None:
-    path = tmp_path / "history.sqlite"
-    with closing(sqlite3.connect(path)) as db, db:
-        db.executescript(TABLES.replace("method TEXT", "route TEXT").replace(", priced INTEGER NOT NULL", ""))
-        db.execute("INSERT INTO night VALUES (1, '2026-10-01 00:00', '1', 'pass', 3, 4, 0, 0, '{}')")
-        db.execute("INSERT INTO accuracy VALUES (1, 'exudyn', 'static', 'position', 15.0, 14.0, 13.0, 0.1)")
-        db.execute("INSERT INTO cost VALUES (1, 'a · b', 2.0, 1.0), (1, 'a · b, k: position, regular', 2.0, 1.0)")
-
-    assert [one["priced"] for one in trends(path)["series"]] == [False, True]
-    assert [(row["engine"], row["method"]) for night in nights(path) for row in night["accuracy"]] == [
-        ("exudyn", "static")
-    ]
