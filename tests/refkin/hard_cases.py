@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,9 +59,8 @@ def precisely(truth: Truth) -> Truth:
     return at
 
 
-def four_bar(lengths: tuple[float, ...], law: Any, times: Any, branch: str, **place: Any) -> tuple[Scene, Truth]:
-    linkage = FourBar(*lengths, **place)
-    scene = linkage.scene(law=law, times=tuple(times), branch=branch)
+def four_bar_truth(lengths: tuple[float, ...], law: Any, branch: str = "open") -> Truth:
+    """The truth also of a law that leaves the range of the crank and comes back: what is there then, if it does."""
     ground, crank, coupler, rocker = map(arb, lengths)
 
     def truth(t: float) -> dict[str, Any] | None:
@@ -70,7 +69,12 @@ def four_bar(lengths: tuple[float, ...], law: Any, times: Any, branch: str, **pl
         b = meeting(a, coupler, (ground, arb(0)), rocker, 1 if branch == "open" else -1)
         return None if b is None else {"coupler": way(a, b), "rocker": way((ground, arb(0)), b)}
 
-    return scene, precisely(truth)
+    return precisely(truth)
+
+
+def four_bar(lengths: tuple[float, ...], law: Any, times: Any, branch: str, **place: Any) -> tuple[Scene, Truth]:
+    scene = FourBar(*lengths, **place).scene(law=law, times=tuple(times), branch=branch)
+    return scene, four_bar_truth(lengths, law, branch)
 
 
 def pulled(crank: float, rod: float, law: Any, times: Any, branch: str, **place: Any) -> tuple[Scene, Truth]:
@@ -148,30 +152,15 @@ def change_points() -> list[Case]:
             cases.append(Case(f"turn past 1e-{k} {branch}", *built, must))
         lengths, times = (4.0, 1.0, 3.5, 1.5 - 10.0**-k), np.linspace(0.0, 2 * math.pi, 8)
         law = Sinusoid(amplitude=FourBar(*lengths).input_range()[0][1] * (1 + 1e-3), angular_frequency=1.0)
-        scene, truth = four_bar(lengths, Sinusoid(amplitude=0.5, angular_frequency=1.0), times, "open")
-        _, truth = beyond(lengths, law, times)
+        scene, _ = four_bar(lengths, Sinusoid(amplitude=0.5, angular_frequency=1.0), times, "open")
+        truth = four_bar_truth(lengths, law)
         cases.append(Case(f"over the limit 1e-{k}", with_law(scene, law), truth, (Status.OK,) + (None,) * 7))
     return cases
 
 
 def with_law(scene: Scene, law: Any) -> Scene:
-    from dataclasses import replace
-
     driver = replace(scene.mechanism.drivers[0], law=law)
     return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
-
-
-def beyond(lengths: tuple[float, ...], law: Any, times: Any) -> tuple[None, Truth]:
-    """The truth of a motion that leaves the range of its crank and comes back: what is there then, if it does."""
-    ground, crank, coupler, rocker = map(arb, lengths)
-
-    def truth(t: float) -> dict[str, Any] | None:
-        phi = law_value(law, t)
-        a = (crank * phi.cos(), crank * phi.sin())
-        b = meeting(a, coupler, (ground, arb(0)), rocker, 1)
-        return None if b is None else {"coupler": way(a, b), "rocker": way((ground, arb(0)), b)}
-
-    return None, precisely(truth)
 
 
 def flat_poses() -> list[Case]:
@@ -248,7 +237,7 @@ def gaps() -> list[Case]:
             Case(
                 f"gap 1e-{k}",
                 missing(scene, FourBar(*lengths)),
-                four_bar_truth(lengths, math.pi),
+                four_bar_truth(lengths, constant(math.pi)),
                 (Status.UNASSEMBLABLE,),
             )
         )
@@ -267,20 +256,7 @@ def gaps() -> list[Case]:
 
 def missing(scene: Scene, linkage: FourBar) -> Scene:
     """The scene with the joints of links that do not reach."""
-    from dataclasses import replace
-
     return replace(scene, mechanism=replace(scene.mechanism, joints=linkage.joints()))
-
-
-def four_bar_truth(lengths: tuple[float, ...], phi: float) -> Truth:
-    ground, crank, coupler, rocker = map(arb, lengths)
-
-    def truth(t: float) -> dict[str, Any] | None:
-        turned = arb(phi) + arb(t)
-        a = (crank * turned.cos(), crank * turned.sin())
-        return None if meeting(a, coupler, (ground, arb(0)), rocker, 1) is None else {}
-
-    return precisely(truth)
 
 
 def singular() -> list[Case]:
