@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,16 +20,15 @@ from refkin.joints import (
     SpatialDistanceDriver,
     SpatialPrismatic,
     SpatialRevolute,
-    Spherical,
     Universal,
 )
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import RSSP, RSSR, Bennett, SpatialLinkage
 
 TIMES = tuple(np.linspace(0.0, 2.0 * math.pi / 1.7, 25).tolist())
 LAW = Polynomial(coefficients=(0.4, 1.7, -0.225))
 AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-CRANK = ("crank", (0.0, 0.0, 0.0, 0.98, 0.0, 0.0, 0.2))
 
 
 def between(i: str, at_i: Sequence[float], j: str, at_j: Sequence[float]) -> dict[str, Any]:
@@ -49,68 +49,37 @@ def motor(joint: str = "R1") -> SpatialAngleDriver:
     return SpatialAngleDriver(name="motor", joint=joint, law=LAW)
 
 
-R1 = SpatialRevolute(name="R1", **between(GROUND, AT, "crank", AT), **axes(Z, X, Z, X))
-S1 = Spherical(name="S1", **between("crank", X, "coupler", AT))
-ROCKER = ("rocker", (2.5, -0.5, 0.75, -0.37, 0.46, 0.48, 0.65))
-R2 = SpatialRevolute(name="R2", **between(GROUND, (2.5, -0.5, 0.75), "rocker", AT), **axes((0.25, 1.0, 0.125), X, Z, X))
+def of_linkage(linkage: SpatialLinkage, name: str) -> Scene:
+    """Return a linkage whose input follows `LAW`, with estimates as rough as those of the others."""
+    return scene(name, [*linkage.assemble(LAW(0.0)).items()], linkage.joints(), motor())
 
 
-def rssr() -> Scene:
+def rssr(*, massless: bool = False) -> Scene:
     """RSSR with its coupler, which spins as it likes."""
-    coupler = ("coupler", (0.92, 0.39, 0.0, 0.7, 0.42, -0.57, 0.11))
-    s2 = Spherical(name="S2", **between("coupler", (3.0, 0.0, 0.0), "rocker", (2.0, 0.0, 0.0)))
-    return scene("RSSR", (CRANK, coupler, ROCKER), (R1, S1, s2, R2), motor())
+    pivot, axis = (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)
+    return of_linkage(RSSR(1.0, 3.0, 2.0, pivot, axis, massless=massless), "RSSR")
 
 
 def rssr_by_distance() -> Scene:
-    rod = SpatialDistance(name="rod", **between("crank", X, "rocker", (2.0, 0.0, 0.0)), length=3.0)
-    return scene("RSSR by distance", (CRANK, ROCKER), (R1, rod, R2), motor())
+    return rssr(massless=True)
 
 
 def rssr_by_a_cylinder() -> Scene:
     """The coupler is a cylinder that pushes the rocker: a driven distance."""
     law = Polynomial(coefficients=(3.0, 0.06, -0.02))
     cylinder = SpatialDistanceDriver(name="cylinder", **between("crank", X, "rocker", (2.0, 0.0, 0.0)), law=law)
-    return scene("RSSR by a cylinder", (CRANK, ROCKER), (R1, R2), motor(), cylinder)
+    by_distance, m = rssr_by_distance(), rssr_by_distance().mechanism
+    return replace(by_distance, mechanism=replace(m, joints=m.joints[::2], drivers=(*m.drivers, cylinder)))
 
 
 def rssp() -> Scene:
     """A spatial slider-crank, the slide askew."""
-    along = (1.0, 0.2, 0.1)
-    slide = SpatialPrismatic(name="P", **between(GROUND, (1.0, 0.5, 0.2), "slider", AT), **axes(along, Y, along, Y))
-    s2 = Spherical(name="S2", **between("coupler", (3.0, 0.0, 0.0), "slider", AT))
-    bodies = (
-        CRANK,
-        ("coupler", (0.92, 0.39, 0.0, 1.0, 0.0, 0.0, 0.0)),
-        ("slider", (3.8, 1.0, 0.5, 1.0, 0.0, 0.0, 0.0)),
-    )
-    return scene("RSSP", bodies, (R1, S1, s2, slide), motor())
-
-
-def _link(theta: float, length: float, twist: float) -> Any:
-    """Return the frame at the end of a link (Denavit and Hartenberg)."""
-    (c, s), (k, t) = ((math.cos(x), math.sin(x)) for x in (theta, twist))
-    return np.array([[c, -s * k, s * t, length * c], [s, c * k, -c * t, length * s], [0, t, k, 0], [0, 0, 0, 1]])
+    return of_linkage(RSSP(1.0, 3.0, (1.0, 0.5, 0.2), (1.0, 0.2, 0.1)), "RSSP")
 
 
 def bennett() -> Scene:
     """Bennett's linkage: opposite links equal, a / sin alpha = b / sin beta; three rows are redundant."""
-    a, alpha, beta = 1.0, 0.6, 1.1
-    b = a * math.sin(beta) / math.sin(alpha)
-    theta = 0.4
-    other = 2.0 * math.atan(math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2) / math.tan(theta / 2))
-    links = [("link1", theta, a, alpha), ("link2", other, b, beta), ("link3", -theta, a, alpha)]
-    at, before, joints, bodies = np.eye(4), GROUND, [], []
-    for k, (name, angle, length, twist) in enumerate(links):
-        at = at @ _link(angle, length, twist)
-        bodies.append((name, (*at[:3, 3], *parameters(at[:3, :3]))))
-        axis = (0.0, math.sin(twist), math.cos(twist))
-        places = between(before, AT, name, (-length, 0.0, 0.0))
-        joints.append(SpatialRevolute(name=f"R{k + 1}", **places, **axes(Z, X, axis, X)))
-        before = name
-    last = (0.0, math.sin(beta), math.cos(beta))
-    joints.append(SpatialRevolute(name="R4", **between("link3", AT, GROUND, (-b, 0.0, 0.0)), **axes(Z, X, last, X)))
-    return scene("Bennett", bodies, joints, motor())
+    return of_linkage(Bennett(1.0, 0.6, 1.1), "Bennett")
 
 
 def double_hooke() -> Scene:

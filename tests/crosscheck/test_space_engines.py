@@ -275,7 +275,7 @@ def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:
     """With a rod of 5 the crank is out of reach over a part of its turn."""
     scene = space_scenes.rssr_by_distance()
     m = scene.mechanism
-    joints = tuple(replace(j, length=4.4) if j.name == "rod" else j for j in m.joints)
+    joints = tuple(replace(j, length=4.4) if j.name == "L" else j for j in m.joints)
     longer = replace(scene, mechanism=replace(m, joints=joints))
     ours, theirs = reference(longer).motion, load("closed_form").solve(longer)
     assert Status.UNASSEMBLABLE in theirs.status

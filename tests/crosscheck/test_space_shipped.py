@@ -78,7 +78,7 @@ def test_the_example_of_pinocchio_says_that_it_does_not_end_on_redundant_rows() 
 REFUSED = [
     ("mujoco", space_scenes.double_hooke, "universal 'U2', which closes a loop"),
     ("pinocchio", space_scenes.double_hooke, "universal 'U2'"),
-    ("pinocchio", space_scenes.rssr_by_distance, "distance 'rod'"),
+    ("pinocchio", space_scenes.rssr_by_distance, "distance 'L'"),
     ("pinocchio", space_scenes.screw_jack, "angle 'motor'"),
 ]
 
