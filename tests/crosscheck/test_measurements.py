@@ -42,7 +42,7 @@ from tests.crosscheck.made_up_tables import (
     ranking,
 )
 from tests.crosscheck.test_judgements import MAKER, MOVED, differences, moved, plain, same, shaken, some
-from tests.kept import on_every_processor, write
+from tests.kept import on_every_processor, read, write
 from tests.refkin.test_answers import files
 
 FILE = Path(__file__).with_name("measurements.json")
@@ -140,7 +140,7 @@ MEASURED: dict[str, Callable[[Shake], Any]] = {
     "conform": lambda shake: conforming(),
     "handed": handed,
 }
-KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+KEPT = read(FILE)
 
 
 @pytest.mark.parametrize("name", KEPT)

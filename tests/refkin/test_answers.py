@@ -7,7 +7,6 @@ make of them. Whoever means a change makes the file anew, `python -m tests.refki
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,6 +21,7 @@ from refkin import analysis, fast
 from refkin.model import Scene
 from refkin.output.drawing import Drawing, NothingToDraw, Part
 from refkin.scenes.files import load
+from tests.kept import read, write
 
 ROOT = Path(__file__).parents[2]
 FILE = Path(__file__).with_name("answers.json")
@@ -77,7 +77,7 @@ def kept(motion: refkin.Motion) -> dict:
     }
 
 
-KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+KEPT = read(FILE)
 
 
 @pytest.mark.parametrize("name", KEPT)
@@ -109,5 +109,4 @@ def quick() -> Iterator[tuple[str, dict]]:
 
 
 if __name__ == "__main__":
-    lines = (f"{json.dumps(name)}: {json.dumps(answer)}" for name, answer in quick())
-    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    write(FILE, dict(quick()))

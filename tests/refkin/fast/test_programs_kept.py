@@ -17,6 +17,7 @@ import pytest
 
 from refkin.fast import legend, program_of, solve_large, solve_many, sweep
 from refkin.model import Evidence
+from tests.kept import read, write
 from tests.refkin.fast.families import estimates, geometry, grashof, scene
 from tests.refkin.fast.linkworks import chain, platform
 from tests.refkin.fast.scenes import SCENES
@@ -72,7 +73,7 @@ MADE = {
     "large: at once": partial(large, chain(5, together=True, times=(0.2,))),
     "large: platform": partial(large, platform(times=(0.4,))),
 }
-KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+KEPT = read(FILE)
 
 
 @pytest.mark.parametrize("name", KEPT)
@@ -93,5 +94,4 @@ def same(now, was):
 
 
 if __name__ == "__main__":
-    lines = (f"{json.dumps(name)}: {json.dumps(made())}" for name, made in MADE.items())
-    FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    write(FILE, {name: made() for name, made in MADE.items()})
