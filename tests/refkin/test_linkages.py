@@ -249,6 +249,7 @@ def test_gap_of_an_unassemblable_linkage_is_stated():
         (FourBar, {"ground": 4, "crank": 1, "coupler": 3, "rocker": 3}),
         (SliderCrank, {"crank": 1, "rod": 3}),
         (InvertedSliderCrank, {"ground": 3, "crank": 1}),
+        (ScrewJack, {"pitch": 1, "height": 3}),
     ],
 )
 def test_every_length_that_is_none_is_named_with_its_value(kind, good, bad):

@@ -56,7 +56,20 @@ def pictured(scene: Scene, pose: Mapping[str, Sequence[float]]) -> Picture:
 
 
 class Shown:
-    """What shows itself: as a picture in a notebook, and as text that can be pasted."""
+    """What has lengths, and shows itself: as a picture in a notebook, and as text that can be pasted."""
+
+    LENGTHS: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        faults = list(self._faults())
+        if faults:
+            raise InvalidScene(faults, type(self).__name__)
+
+    def _faults(self) -> Iterator[Fault]:
+        for key in self.LENGTHS:
+            value = getattr(self, key)
+            if not (_is_finite(value) and value > 0):
+                yield Fault(key, value, "a length above 0 [m]")
 
     def plot(self) -> Picture:
         """Return a picture."""
@@ -86,24 +99,18 @@ class Linkage(Shown):
     origin: Pair = field(default=(0.0, 0.0), kw_only=True)
     angle: float = field(default=0.0, kw_only=True)
 
-    LENGTHS: ClassVar[tuple[str, ...]]
     INPUTS: ClassVar[tuple[tuple[str, str], ...]]
     """The pairs (driven, relative_to) that can be the input."""
 
     def __post_init__(self) -> None:
-        faults = list(self._faults())
-        if faults:
-            raise InvalidScene(faults, type(self).__name__)
+        super().__post_init__()
         for key in (*self.LENGTHS, "offset", "angle"):
             if hasattr(self, key):
                 object.__setattr__(self, key, float(getattr(self, key)))
         object.__setattr__(self, "origin", (float(self.origin[0]), float(self.origin[1])))
 
     def _faults(self) -> Iterator[Fault]:
-        for key in self.LENGTHS:
-            value = getattr(self, key)
-            if not (_is_finite(value) and value > 0):
-                yield Fault(key, value, "a length above 0 [m]")
+        yield from super()._faults()
         for key in ("offset", "angle"):
             if not _is_finite(getattr(self, key, 0.0)):
                 yield Fault(key, getattr(self, key), "a finite number")

@@ -10,7 +10,6 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from refkin.errors import Fault, InvalidScene
 from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
 from refkin.joints.spatial import Form
 from refkin.joints.spatial_frames import parameters_of
@@ -98,17 +97,7 @@ class SpatialLinkage(Shown):
     """
 
     form: Form = "half"
-    LENGTHS: ClassVar[tuple[str, ...]] = ()
     DRIVEN: ClassVar[str] = "R1"
-
-    def __post_init__(self) -> None:
-        faults = [
-            Fault(key, getattr(self, key), "a length above 0 [m]")
-            for key in self.LENGTHS
-            if not (math.isfinite(getattr(self, key)) and getattr(self, key) > 0)
-        ]
-        if faults:
-            raise InvalidScene(faults, type(self).__name__)
 
     def joints(self) -> tuple[Constraint, ...]:
         """Return the joints, without driver."""
