@@ -282,12 +282,8 @@ def forked(run):
 
 def verdicts():
     """Return what is said of the survivors known so far, by their keys."""
-    return {each["change"]: each for each in kept()["survivor"]}
-
-
-def kept():
-    """Return the tables of survivors.toml: what each survivor is, and what became of samples."""
-    return tomllib.loads((HERE / "survivors.toml").read_text(encoding="utf-8"))
+    kept = tomllib.loads((HERE / "survivors.toml").read_text(encoding="utf-8"))
+    return {each["change"]: each for each in kept["survivor"]}
 
 
 def told(run):
@@ -305,16 +301,10 @@ def told(run):
     for each in gone:
         print(f"no such change any more, take it out of survivors.toml: {each}")
     alive = counts["unknown"] + counts["to kill"]
-    fates = {
-        "died": counts["died"] + counts["dies elsewhere"],
-        "equivalent": counts["equivalent"],
-        "time": counts["costs only time"],
-        "alive": alive,
-    }
-    print(f'[[sample]]\nseed = {run.given.seed}\npart = "{" ".join(run.given.only or PACKAGES)}"')
-    print("\n".join(f"{key} = {value}" for key, value in {"tried": sum(fates.values()), **fates}.items()))
-    print(f"# of those that change an answer {fates['died']} of {fates['died'] + alive} died")
-    print(f"# {run.noting:.0f} s of work to know which tests reach what, {cpu() - run.noting:.0f} s to try mutants")
+    died = counts["died"] + counts["dies elsewhere"]
+    print(", ".join(f"{counts[fate]} {fate}" for fate in ("equivalent", "costs only time", "not tried")))
+    print(f"of those that change an answer {died} of {died + alive} died")
+    print(f"{run.noting:.0f} s of work to know which tests reach what, {cpu() - run.noting:.0f} s to try mutants")
     return int(bool(unknown or gone or not run.outcomes))
 
 
