@@ -1,7 +1,7 @@
-"""Errors on purpose: each wrong formula of the documents, and more of the same kinds, with the tests that see it.
+"""Errors on purpose: each wrong formula of the documents, and more of the same kinds, with the test that sees it.
 
-A mutant is killed if one of the tests that it names goes red while it is in. Those are tests of the suite, which run
-on their own too; here they are called as functions, with each of their cases in turn.
+A mutant is killed if the test that it names goes red while it is in. That is a test of the suite, which runs on its own
+too; here it is called as a function, with each of its cases in turn.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ class TooLong(RuntimeError):
 class Mutant:
     """One replacement, as `mutated` takes it.
 
-    `row` is the row of the ledger whose erratum or formula it takes up, if there is one; `tests` are those that see it,
-    as pytest names them below tests/.
+    `row` is the row of the ledger whose erratum or formula it takes up, if there is one; `test` sees it, as
+    pytest names it below tests/.
     """
 
     label: str
     target: str
     old: str
     new: str
-    tests: list[str]
+    test: str
     row: str = ""
 
 
@@ -70,14 +70,10 @@ def mutants():
     return [Mutant(**fields) for fields in tomllib.loads(text)["mutant"]]
 
 
-def killer(mutant, seconds=SECONDS):
-    """Return the first of a mutant's tests that goes red with it, and why; two empty strings if none does."""
+def killed(mutant):
+    """Return why a mutant's test is red with it; nothing if it is green."""
     with mutated(mutant.target, mutant.old, mutant.new):
-        for name in mutant.tests:
-            why = red(name, seconds)
-            if why:
-                return name, why
-    return "", ""
+        return red(mutant.test)
 
 
 def red(name, seconds=SECONDS):
