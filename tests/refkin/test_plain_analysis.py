@@ -194,12 +194,17 @@ def test_a_branch_ends_in_a_singular_pose_only_if_newton_came_to_one_nearby(monk
     assert np.array_equal(np.broadcast_to(pose, 9), reached) is taken
 
 
-@pytest.mark.parametrize(("kink", "stays"), [(0.4, True), (0.6, False), (1.5, False)])
-def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_the_way(monkeypatch, kink, stays):
+def step_of_a_rocker():
+    """A system, where it is at a time, that time and the next, the solution there."""
     scene = ROCKER.scene(samples=721)
     system, (t, to) = compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene.times[:2]
     q = analysis.position(system, analysis.estimate_of(system, scene), t).q
-    result = analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
+    return system, q, t, to, analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
+
+
+@pytest.mark.parametrize(("kink", "stays"), [(0.4, True), (0.6, False), (1.5, False)])
+def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_the_way(monkeypatch, kink, stays):
+    system, q, t, to, result = step_of_a_rocker()
     rate = kink * np.max(np.abs(result.q - q)) / (to - t)
     monkeypatch.setattr(analysis, "velocity", lambda _, there, at: rate * (there is result.q) + np.zeros_like(q))
 
@@ -208,10 +213,7 @@ def test_a_step_stays_on_its_branch_while_its_path_bends_by_less_than_half_of_th
 
 @pytest.mark.parametrize(("part", "stays"), [(0.24, True), (0.26, False)])
 def test_a_step_stays_on_its_branch_while_it_is_led_to_but_for_a_quarter_of_its_move(part, stays):
-    scene = ROCKER.scene(samples=721)
-    system, (t, to) = compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene.times[:2]
-    q = analysis.position(system, analysis.estimate_of(system, scene), t).q
-    result = analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
+    system, q, t, to, result = step_of_a_rocker()
     corrections = np.array([[part * np.max(np.abs(result.q - q))], [0.0]])
 
     assert analysis._stays(system, q, t, replace(result, corrections=corrections), to) is stays
