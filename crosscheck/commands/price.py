@@ -23,13 +23,12 @@ from crosscheck.judge.prices import (
     Cheapest,
     PriceRow,
     cheapest,
-    clear_once,
     repeated,
 )
 from crosscheck.judge.records import read_file
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.check import key_of
-from crosscheck.measure.price import WITHIN, PriceList
+from crosscheck.measure.price import PriceList, time_for
 from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
@@ -40,7 +39,7 @@ from refkin.model import Scene
 from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
-"""Of the cells whose winner is clear, so many are to have the same one when the list is measured anew."""
+"""Of the winners that are clear, so many are to win when the list is measured anew."""
 
 
 def price(
@@ -54,7 +53,7 @@ def price(
     """Show what accuracy costs on a scene: every engine by every method, digits against microseconds.
 
     Exit codes: 0 done, 1 no pose of the scene is certified, so that there is no truth to count digits by; or with
-    --again fewer than 95 % of the winners are the same, or none is clear both times; 2 the scene or a file is invalid.
+    --again fewer than 95 % of its winners win again, or it has none that is clear; 2 the scene or a file is invalid.
     A method that crashes or hangs has a row that says so.
 
     Parameters
@@ -64,16 +63,17 @@ def price(
     page
         Write a page with the work-precision diagrams to this file, too.
     again
-        What an earlier run printed of this scene with --json: measure anew, and say how often the cheapest method is
-        the same, where it is ahead of the second by more than the spread both times.
+        What an earlier run printed of this scene with --json: measure anew, and say how many of its cheapest methods,
+        where they are ahead of the second by more than the spread, are the cheapest again.
     """
     writable("page", page, scene, again)
     ours = [name for name in PRICED if name in OURS]
     asked, subject = (*ours, *names(engines, always=())), load(scene)
     before = None if again is None else _earlier(again, subject, asked)
-    print(f"this takes up to {WITHIN:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)
+    within = time_for(subject)
+    print(f"this takes up to {within:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)
     try:
-        with shown_progress(None, WITHIN / 60, "measurements") as show:
+        with shown_progress(None, within / 60, "measurements") as show:
             prices = measured(subject, asked, tell=show)
     except NoTruth as error:
         print(error, file=sys.stderr)
@@ -179,9 +179,7 @@ def print_list(result: Mapping[str, Any]) -> None:
 
 
 def print_repeated(before: Mapping[str, Cheapest], now: Mapping[str, Any], as_json: bool) -> bool:
-    """Print whether two lists have the same winners; return whether in enough cells, of which there must be one.
-
-    A cell counts where both lists tell its winner from the second; how many do in one alone is printed.
+    """Print whether the winners of a price list win again; return whether enough do, of which there must be one.
 
     Parameters
     ----------
@@ -190,22 +188,15 @@ def print_repeated(before: Mapping[str, Cheapest], now: Mapping[str, Any], as_js
     as_json : bool
         Whether JSON is printed, or text.
     """
-    parts = [repeated(list_before, now[key]) for key, list_before in before.items()]
-    cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
-    share = same / cells if cells else None
-    changed = [line for part in parts for line in part[2]]
-    once = [clear_once(list_before, now[key]) for key, list_before in before.items()]
-    first, second = (sum(numbers) for numbers in zip(*once, strict=True))
+    pairs, same, changed = repeated(before, {key: now[key] for key in before})
+    share = same / pairs if pairs else None
     if as_json:
-        counts = {"cells": cells, "same": same, "share": share, "first_alone": first, "second_alone": second}
+        counts = {"pairs": pairs, "same": same, "share": share}
         print(json.dumps({"schema": SCHEMA, **counts, "changed": changed, "again": now}))
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
-        of = f"{same} of {cells} cells whose winner is ahead of the second by more than the spread in both lists"
-        others = (
-            f"in the first list alone it is so in {first} more, in the second alone in {second}: these do not count"
-        )
-        print(*changed, f"the same winner in {of}: {known}; {others}", sep="\n")
+        of = f"{same} of {pairs} winners that the earlier list has ahead of the second by more than the spread"
+        print(*changed, f"cheapest again are {of}: {known}", sep="\n")
     return share is not None and share >= SAME_WINNERS
 
 
@@ -214,17 +205,21 @@ def lines(result: Mapping[str, Any]) -> list[str]:
     times = result["times"]
     made_on = MADE_ON.format(**result["machine"])
     out = [
-        f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
-        "one pose now: started at the pose before it, with the model built (build -: in every call); "
-        "bulk: 1,000 poses; all of processor time",
+        f"one cycle: {times['certified']} configurations; digits are the fewest over them, a price is that of one",
+        "one pose now: started at the pose before it, if there is one, with the model built (build -: in every call); "
+        "bulk: 1,000 poses over the same time, by who may be the cheapest there (others: -); all of processor time",
         "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
         f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many and "
         "is nobody's second best; such a price is never known to differ",
     ]
     if times["priced"] < times["asked"]:
-        out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")
+        out.append(f"a cycle has {times['priced']} of the scene's {times['asked']} times, evenly spread")
     if times["certified"] < times["priced"]:
-        out.append(f"{times['priced'] - times['certified']} of them have no certified truth and are left out")
+        without = f"{times['priced'] - times['certified']} of {times['priced']} times"
+        out.append(f"{without} have no certified truth: nobody is asked there")
+    if unasked := {(r["engine"], called(r["method"], r["setting"])) for r in result["rows"] if r.get("unasked_bulk")}:
+        names = "; ".join(": ".join(name) for name in sorted(unasked))
+        out.append(f"in bulk may be cheaper, but there was no time to ask: {names}")
     for poses, name in POSES.items():
         if not any(row[f"microseconds{SUFFIX[poses]}"] for row in result["rows"]):
             out.append(f"{name}: nothing was timed, for want of time or of several times in the scene")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -28,7 +28,8 @@ class PriceRow:
     `digits` are the fewest over the times, None where a time has no answer; `digits_attainable` what half an ulp of the
     scene's own numbers leaves, over one cycle. `microseconds` is what one configuration costs up to this quantity, None
     if it was not measured, and `spread` how far the median round lies above the least, as a part of it, None if it was
-    timed once. To build the model of one cycle, once, takes `microseconds_to_build`.
+    timed once. To build the model of one cycle, once, takes `microseconds_to_build`. `unasked_bulk` is what
+    a pose may be expected to cost in bulk by a method that there was no time to ask, and that may be the cheapest.
     """
 
     engine: str
@@ -47,6 +48,7 @@ class PriceRow:
     microseconds_bulk: float | None = None
     spread_bulk: float | None = None
     microseconds_to_build: float | None = None
+    unasked_bulk: float | None = None
     note: str = ""
 
 
@@ -165,52 +167,59 @@ def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) ->
     The second best is that of another method: two settings of one method may be the same thing.
     """
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
-    return {
-        poses: {q: {str(step): _best(offers(rows, poses, q, step)) for step in steps} for q in quantities}
-        for poses in POSES
-    }
+    unasked = [{**row, "microseconds": row["unasked_bulk"]} for row in rows if row.get("unasked_bulk")]
+
+    def best(poses: str, quantity: str, step: int) -> dict[str, Any] | None:
+        others = settings(unasked, "cycle", quantity, step) if poses == "bulk" else []
+        return _best(offers(rows, poses, quantity, step), others)
+
+    return {poses: {q: {str(step): best(poses, q, step) for step in steps} for q in quantities} for poses in POSES}
 
 
-def _best(offers: Sequence[Offer]) -> dict[str, Any] | None:
+def _best(offers: Sequence[Offer], unasked: Sequence[Offer]) -> dict[str, Any] | None:
+    """Return the best of some offers; that it differs is not said where one that was not asked may be cheaper."""
     if not offers:
         return None
     second = offers[1] if len(offers) > 1 else None
-    second_best = None if second is None else asdict(second)
-    return {**asdict(offers[0]), "second": second_best, "differs": second is not None and offers[0].differs(second)}
+    known = all(other.microseconds > CONTENDS * offers[0].microseconds for other in unasked)
+    differs = known and second is not None and offers[0].differs(second)
+    return {**asdict(offers[0]), "second": None if second is None else asdict(second), "differs": differs}
 
 
-def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
-    """Compare two lists of `cheapest`, cell by cell, where both tell the winner from the second best.
+def repeated(first: Mapping[str, Cheapest], again: Mapping[str, Cheapest]) -> tuple[int, int, list[str]]:
+    """Compare the winners of two price lists, where the first tells a winner from the second best.
 
-    Returns the number of such cells, in how many of them the same engine and method win, and a sentence for each of the
-    others.
+    Returns the number of such pairs, of how many the same engine and method win again wherever they stand, ahead of the
+    others or not, and a sentence for each place where another does. Pairs are counted, not places: the same two stand
+    at several digits, and among the engines alone as among all.
+
+    Parameters
+    ----------
+    first, again : mapping of str to Cheapest
+        The lists of all and of the engines alone, by the same names.
     """
-    before, now = _clear(first), _clear(again)
-    both = [cell for cell in before if cell in now]
-    changed = []
-    for poses, quantity, digits in both:
-        winners = (one[poses, quantity, digits] for one in (before, now))
-        was, wins = (", ".join(winner) for winner in winners)
+    pairs: dict[tuple[Any, ...], list[str]] = {}
+    for who, (poses, quantity, digits), best in ((who, *cell) for who, won in first.items() for cell in _clear(won)):
+        now = again[who][poses][quantity][digits]
+        was, wins = (", ".join(_winner(one)) if one else "nobody" for one in (best, now))
+        places = pairs.setdefault((poses, quantity, _winner(best), _winner(best["second"])), [])
         if was != wins:
-            changed.append(f"{POSES[poses]}, {digits} digits of {quantity}: {was} before, {wins} now")
-    return len(both), len(both) - len(changed), changed
+            places.append(f"{POSES[poses]}, {digits} digits of {quantity}: {was} before, {wins} now")
+    changed = list(dict.fromkeys(place for places in pairs.values() for place in places))
+    return len(pairs), sum(not places for places in pairs.values()), changed
 
 
-def clear_once(first: Cheapest, again: Cheapest) -> tuple[int, int]:
-    """Return how many cells tell the winner from the second best in the first of two lists alone, and in the second."""
-    before, now = _clear(first).keys(), _clear(again).keys()
-    return len(before - now), len(now - before)
+def _clear(cheapest: Cheapest) -> Iterator[tuple[tuple[str, str, str], dict[str, Any]]]:
+    """Yield poses, quantity and digits, and the winner there, where it is ahead by more than the spread."""
+    for poses, of_poses in cheapest.items():
+        for quantity, by_digits in of_poses.items():
+            for digits, best in by_digits.items():
+                if best is not None and best["differs"]:
+                    yield (poses, quantity, digits), best
 
 
-def _clear(cheapest: Cheapest) -> dict[tuple[str, str, str], tuple[str, str]]:
-    """Return poses, quantity and digits -> engine and method of a winner that is ahead by more than the spread."""
-    return {
-        (poses, quantity, digits): (best["engine"], best["method"])
-        for poses, of_poses in cheapest.items()
-        for quantity, by_digits in of_poses.items()
-        for digits, best in by_digits.items()
-        if best is not None and best["differs"]
-    }
+def _winner(best: Mapping[str, Any]) -> tuple[str, str]:
+    return best["engine"], best["method"]
 
 
 def with_suspicions(rows: Sequence[PriceRow]) -> list[PriceRow]:

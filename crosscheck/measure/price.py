@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from crosscheck.engines import QUANTITIES
 from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import POSES, SUFFIX, PriceRow, with_suspicions
@@ -24,7 +26,8 @@ from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
 WITHIN = 50.0
-"""How much of the processor a price list may take [s], beside the start of a process and the proof of the truth."""
+"""How much of the processor a price list may take in the plane [s], beside the start of a process and the proof of the
+truth. In space, where a pose takes several times as long, it is twice that."""
 LEAST = 1.0
 """What a process gets at least where another has ended late [s]."""
 PATIENCE = 20.0
@@ -42,6 +45,7 @@ class _Progress:
     timed: dict[tuple[Key, str, int], tuple[float, float | None]] = field(default_factory=dict)
     refused: dict[Key, str] = field(default_factory=dict)
     failed: dict[Key, str] = field(default_factory=dict)
+    unasked: dict[Key, float] = field(default_factory=dict)
     attainable: dict[str, float] = field(default_factory=dict)
     known: int = 0
     since: float = field(default_factory=time.monotonic)
@@ -58,6 +62,7 @@ class _Progress:
             case "truth", attainable, known:
                 self.attainable, self.known, self.at, self.since = attainable, known, None, time.monotonic()
                 self.refused.clear()
+                self.unasked.clear()
             case "at", key, newton_by:
                 self.at, self.newton_by = key, newton_by
                 self.tell(self.begun, ", ".join(filter(None, key)))
@@ -68,6 +73,8 @@ class _Progress:
                 self.answered[key] = answer
             case "digits", key, poses, digits:
                 self.answered[key][poses] = digits
+            case "unasked", key, seconds:
+                self.unasked[key] = seconds
             case "failed", key, answer, why:
                 self.answered[key], self.failed[key] = answer, why
             case "timed", key, poses, order, seconds, spread:
@@ -91,8 +98,8 @@ class _Progress:
 class PriceList:
     """The price list of one scene, and the methods (engine, method, reason) that cannot be taken on it.
 
-    `key` says which scene that is, whatever its name (`crosscheck.measure.check.key_of`). `times` are the
-    configurations of one cycle, `known` those of them with a certified truth, `asked` those of the scene.
+    `key` says which scene that is, whatever its name (`crosscheck.measure.check.key_of`). `times` are as many of its
+    `asked` ones as a cycle has, `known` those of them with a certified truth: these are priced.
     """
 
     scene: str
@@ -107,7 +114,7 @@ class PriceList:
 def price(
     scene: Scene,
     producers: Sequence[str] = PRICED,
-    within: float = WITHIN,
+    within: float | None = None,
     patience: float = PATIENCE,
     tell: Callable[[int, str], None] = lambda done, method: None,
 ) -> PriceList:
@@ -119,15 +126,16 @@ def price(
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
     within : float
-        How much processor time answers and timings may take together [s]; what does not fit is timed once. On a busy
-        machine that lasts longer.
+        How much processor time answers and timings may take together [s]; by default `time_for` the scene. What does
+        not fit is timed once. On a busy machine that lasts longer.
     patience : float
         After so much processor time at one method it is given up [s], or that on the clock if it sleeps.
     tell : callable
         Is told how many times a method was begun with, and which it is.
     """
-    priced = replace(scene, times=scene.times[:CYCLE], points=(), bodies_wanted=None)
-    progress = _Progress(tell=tell)
+    chosen = np.unique(np.linspace(0, len(scene.times) - 1, CYCLE).astype(int)).tolist()
+    priced = replace(scene, times=tuple(scene.times[k] for k in chosen), points=(), bodies_wanted=None)
+    progress, within = _Progress(tell=tell), time_for(scene) if within is None else within
     while not progress.done:
         left = max(within - progress.spent, within / 4)
         pipe, process = start(measure, to_dict(priced), tuple(producers), {*progress.failed}, left)
@@ -142,6 +150,11 @@ def price(
     rows = with_suspicions(list(_rows(priced, progress)))
     refused = list(dict.fromkeys((*key[:2], reason) for key, reason in progress.refused.items()))
     return PriceList(scene.name, key_of(scene), rows, len(priced.times), progress.known, len(scene.times), refused)
+
+
+def time_for(scene: Scene) -> float:
+    """Return how much of the processor the price list of a scene may take [s]."""
+    return WITHIN * (1 if scene.mechanism.kind.dimension == 2 else 2)
 
 
 def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:
@@ -201,6 +214,8 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 notes.append(limit if poses == "cycle" else "")
                 if seconds is not None and spread is None:
                     notes.append(f"{POSES[poses]} timed once")
+            if key in progress.unasked:
+                notes.append(f"{POSES['bulk']} not asked, for want of time")
             build = answer.get("build")
             yield PriceRow(
                 engine=engine,
@@ -210,6 +225,7 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 digits_attainable=progress.attainable[quantity],
                 microseconds_to_build=None if build is None else 1e6 * build,
                 newton_by=answer["newton_by"],
+                unasked_bulk=1e6 * progress.unasked[key] if key in progress.unasked else None,
                 note="; ".join(filter(None, notes)),
                 **columns,
             )

@@ -23,12 +23,12 @@ from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, settings
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.scenes.names import OURS, order_of
 from crosscheck.workers.processes import Failure, told_if_raised
-from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
+from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns, turn
 from refkin.model import Scene
 from refkin.scenes.files import parse
 
 CYCLE, BULK = 73, 1000
-"""Of a scene with more times the first so many are one cycle; so many poses over the same time are bulk."""
+"""Of a scene with more times so many, evenly spread, are one cycle; so many poses over the same time are bulk."""
 JUDGED = 10
 """In bulk one pose in so many is held against the truth."""
 SAMPLED = 4
@@ -44,6 +44,8 @@ VERY_LONG = 4.0 * LONG
 """A first call is the only one before the timings if it lasts so long [s]."""
 EVERY = 1.0
 """A process says at least this often what it is at [s], as long as that can be interrupted."""
+LEAST = 0.05
+"""Of what a pose takes in a cycle, so much is left in bulk at least, for who is to be asked there."""
 BUILDS = 2
 """How often a model is built to see what that takes."""
 
@@ -56,33 +58,52 @@ Digits = dict[str, tuple[float | None, str]]
 class PriceQuestion:
     """The scenes that stand for a number of poses, with their truths; those of methods that step in time apart.
 
-    `poses` is how many configurations of each scene are new: what a price is divided by; one in `compared` has a truth.
+    One configuration in `compared` has a truth.
     """
 
     scenes: tuple[tuple[Scene, CertifiedTruth], ...]
     stepped: tuple[tuple[Scene, CertifiedTruth], ...]
-    poses: int
     compared: int = 1
 
     def of(self, method: Method) -> tuple[tuple[Scene, CertifiedTruth], ...]:
         """Return the scenes that a method is asked."""
         return self.stepped if method.steps else self.scenes
 
+    def new(self, method: Method) -> int:
+        """Return how many configurations are new: what a price is divided by. Whoever steps is given the first ones."""
+        return sum(len(scene.times) - method.steps for scene, _ in self.of(method))
+
 
 def questions(scene: Scene) -> dict[str, PriceQuestion]:
-    """Return what is asked for a cycle, for one pose and in bulk; the latter two where the scene has several times."""
-    truth = CertifiedTruth(scene)
-    asked = {"cycle": PriceQuestion(((scene, truth),), ((scene, truth),), len(scene.times))}
-    after = np.flatnonzero(truth.known[1:] & truth.known[:-1]) + 1
-    if len(after):
-        chosen = after[np.unique(np.linspace(0, len(after) - 1, SAMPLED + 2).astype(int)[1:-1])]
-        from_last = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, (scene.times[k],))) for k in chosen]
-        stepped = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, scene.times[k - 1 : k + 1])) for k in chosen]
-        asked["one"] = PriceQuestion(tuple(from_last), tuple(stepped), 1)
-        times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
-        bulk = replace(scene, times=tuple(times)), CertifiedTruth(replace(scene, times=tuple(times[::JUDGED])))
-        asked["bulk"] = PriceQuestion((bulk,), (bulk,), BULK, JUDGED)
-    return asked
+    """Return what is asked for a cycle, for one pose, and in bulk.
+
+    The cycle is the longest run of times with a truth: how long a method looks for poses that there are not is no
+    price. Of a single time there is no bulk, no pose is before it, and there is nothing to step.
+    """
+    scene, truth = _certified(scene, CertifiedTruth(scene))
+    cycle, count = ((scene, truth),), len(scene.times)
+    if count == 1:
+        return dict.fromkeys(("cycle", "one"), PriceQuestion(cycle, ()))
+    chosen = np.unique(np.linspace(1, count - 1, SAMPLED + 2).astype(int)[1:-1]).tolist()
+    from_last = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, (scene.times[k],))) for k in chosen]
+    stepped = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, scene.times[k - 1 : k + 1])) for k in chosen]
+    times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
+    bulk = ((replace(scene, times=tuple(times)), CertifiedTruth(replace(scene, times=tuple(times[::JUDGED])))),)
+    return {
+        "cycle": PriceQuestion(cycle, cycle),
+        "one": PriceQuestion(tuple(from_last), tuple(stepped)),
+        "bulk": PriceQuestion(bulk, bulk, JUDGED),
+    }
+
+
+def _certified(scene: Scene, truth: CertifiedTruth) -> tuple[Scene, CertifiedTruth]:
+    """Return the scene at the longest run of its times at which there is a truth, and that."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], truth.known, [False]])))
+    first, end = max(zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True), key=lambda run: run[1] - run[0])
+    times = scene.times[first:end]
+    if len(times) == len(scene.times):
+        return scene, truth
+    return _with_truth(begun_at(scene, truth.ref.motion, first, times) if first else replace(scene, times=times))
 
 
 def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
@@ -109,13 +130,13 @@ def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], w
         pipe.send(("no truth", str(error)))
         return
     truth = asked["cycle"].scenes[0][1]
-    pipe.send(("truth", truth.attainable, int(truth.known.sum())))
+    pipe.send(("truth", truth.attainable, len(truth.known)))
     end = time.process_time() + within
     runs = [run for method in _open(producers, failed, pipe) if (run := _answered(method, asked, order_of(read), pipe))]
     begun = time.process_time()
     for poses, share in SHARES.items():
         if poses in asked:
-            _time(runs, poses, asked[poses], begun + share * (end - begun), pipe)
+            _time(runs, poses, asked, begun + share * (end - begun), pipe)
     pipe.send(("done",))
 
 
@@ -158,8 +179,11 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
     pipe.send(("at", method.key, method.newton_by))
     answer: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
     run = _Run(method, min(order, method.highest), {}, {}, {})
+    if not asked["cycle"].of(method):
+        pipe.send(("refused", method.key, "it goes from one time to the next, and there is one alone"))
+        return None
     try:
-        took = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
+        took = min(turn(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
         answer["build"] = took if method.build else None  # an engine that is asked anew builds in every call
     except EngineError as error:
         pipe.send(("refused", method.key, str(error)))
@@ -185,12 +209,7 @@ def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
     took = 0.0
     for scene, truth in question.of(run.method):
         models.append(run.method.model(scene))
-        for _ in range(2):
-            begun = time.process_time()
-            answer = models[-1].solve(run.order)
-            once = time.process_time() - begun
-            if once > VERY_LONG:
-                break
+        once, answer = _second_call(models[-1], run.order)
         took += once
         levels = list(models[-1].read(answer))
         run.order = min(run.order, len(levels) - 1)
@@ -203,6 +222,17 @@ def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
     return fewest
 
 
+def _second_call(model: Model, order: int) -> tuple[float, Any]:
+    """Return what the second call of a model takes [s], the first if that is very long; and its answer."""
+    answers = list[Any]()
+    once = turn(partial(_keep, answers, model, order))
+    return (once if once > VERY_LONG else turn(partial(_keep, answers, model, order))), answers[-1]
+
+
+def _keep(answers: list[Any], model: Model, order: int) -> None:
+    answers.append(model.solve(order))
+
+
 def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]) -> tuple[float | None, str]:
     """Return the fewer digits of two; none at all are the fewest."""
     if one is None or one[0] is None:
@@ -210,16 +240,16 @@ def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]
     return other if other[0] is None or other[0] < one[0] else one
 
 
-def _time(runs: Sequence[_Run], poses: str, question: PriceQuestion, end: float, pipe: Any) -> None:
+def _time(runs: Sequence[_Run], poses: str, asked: Mapping[str, PriceQuestion], end: float, pipe: Any) -> None:
     """Time in turns what may be the cheapest; others, and what has no time, are left with the call that answered."""
+    question = asked[poses]
     if poses == "bulk":
-        runs = list(_in_bulk(runs, question, end, pipe))
+        runs = list(_in_bulk(runs, asked, end, pipe))
     calls: dict[tuple[Key, int], Callable[[], Any]] = {}
     known: dict[tuple[Key, int], float] = {}
     cost, announcer = 0.0, _Announcer(pipe)
     for run in runs:
-        per_pose = run.seconds[poses] / (len(run.models[poses]) * question.poses)
-        pipe.send(("timed", run.method.key, poses, -1, per_pose, None))
+        pipe.send(("timed", run.method.key, poses, -1, run.seconds[poses] / question.new(run.method), None))
     for away, run in nearest_first(runs, poses):
         key, once, short = run.method.key, run.seconds[poses], run.seconds[poses] < LONG
         orders = [run.order] if run.method.at_once else list(range(run.order + 1))
@@ -232,9 +262,9 @@ def _time(runs: Sequence[_Run], poses: str, question: PriceQuestion, end: float,
                 calls[key, order] = partial(announcer.solve, run, poses, order)
                 if short:
                     calls[key, order]()
-                known[key, order] = _seconds(calls[key, order])
+                known[key, order] = turn(calls[key, order])
     names = {str(k): at for k, at in enumerate(calls)}
-    counts = {run.method.key: len(run.models[poses]) * question.poses for run in runs}
+    counts = {run.method.key: question.new(run.method) for run in runs}
     timed = timed_in_turns(
         {name: calls[at] for name, at in names.items()},
         within=max(0.0, end - time.process_time()),
@@ -273,30 +303,30 @@ def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
     return sorted(((away[key], run) for key, run in by_key.items()), key=lambda pair: (pair[0], pair[1].seconds[poses]))
 
 
-def _in_bulk(runs: Sequence[_Run], question: PriceQuestion, end: float, pipe: Any) -> Iterator[_Run]:
-    """Yield the methods that have answered in bulk, as long as there is time.
+def _in_bulk(runs: Sequence[_Run], asked: Mapping[str, PriceQuestion], end: float, pipe: Any) -> Iterator[_Run]:
+    """Yield the methods that have answered in bulk, as long as there is time; say who had none and may be the cheapest.
 
-    Of what goes pose by pose, those that may be the cheapest of a cycle: a pose costs as much there.
+    What bulk will take of each is told by what more poses have taken so far: a cycle, less one pose. Who does all at
+    once is asked whatever that says.
     """
     until = end - (1.0 - BULK_ANSWERS) * (end - time.process_time())
-    for away, run in nearest_first(runs, "cycle"):
-        if time.process_time() > until:
-            return
+    for run in runs:
+        cycle, new = run.seconds["cycle"], asked["cycle"].new(run.method)
+        more = (cycle - run.seconds["one"] / asked["one"].new(run.method)) / max(new - 1, 1)
+        run.seconds["bulk"], run.digits["bulk"] = BULK * max(more, LEAST * cycle / new), run.digits["cycle"]
+    for away, run in nearest_first(runs, "bulk"):
         if away > CONTENDS and not run.method.at_once:
             continue
+        if time.process_time() > until:
+            pipe.send(("unasked", run.method.key, run.seconds["bulk"] / BULK))
+            continue
         pipe.send(("at", run.method.key, run.method.newton_by))
-        digits = told_if_raised(_digits, run, "bulk", question)
+        digits = told_if_raised(_digits, run, "bulk", asked["bulk"])
         if isinstance(digits, Failure):
             digits = dict.fromkeys(QUANTITIES, (None, f"in bulk: {digits.text}"))
         elif all(fewest is not None for fewest, _ in digits.values()):
             yield run
         pipe.send(("digits", run.method.key, "bulk", digits))
-
-
-def _seconds(work: Callable[[], Any]) -> float:
-    begun = time.process_time()
-    work()
-    return time.process_time() - begun
 
 
 class _Announcer:

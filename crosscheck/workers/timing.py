@@ -85,7 +85,7 @@ def timed_in_turns(
             count, long = repeats[name]
             if not long:
                 work()
-            turns[name].append(_turn(work, count) / count)
+            turns[name].append(turn(work, count) / count)
     timings = {}
     for name, seconds in turns.items():
         least, middle = min(seconds), sorted(seconds)[len(seconds) // 2]
@@ -107,12 +107,13 @@ def _repeats(work: Callable[[], object], at_least: float, known: float | None) -
         return max(1, math.ceil(at_least / max(known, 1e-9))), known >= LONG
     work()
     count = 1
-    while (took := _turn(work, count)) < at_least:
+    while (took := turn(work, count)) < at_least:
         count = max(2 * count, math.ceil(count * at_least / max(took, 1e-9)))
     return count, took / count >= LONG
 
 
-def _turn(work: Callable[[], object], count: int) -> float:
+def turn(work: Callable[[], object], count: int = 1) -> float:
+    """Return what so many calls take of the processor [s], while nobody collects garbage."""
     collecting = gc.isenabled()
     gc.disable()
     try:

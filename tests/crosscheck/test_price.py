@@ -17,7 +17,7 @@ import refkin
 from crosscheck.commands import price as priced_by
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
-from crosscheck.judge.prices import Offer, PriceRow, cheapest, clear_once, repeated, settings, with_suspicions
+from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, settings, with_suspicions
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
@@ -49,6 +49,7 @@ KEYS = {
     "microseconds_bulk",
     "spread_bulk",
     "microseconds_to_build",
+    "unasked_bulk",
     "newton_by",
     "note",
 }
@@ -239,15 +240,6 @@ def test_one_pose_a_cycle_and_bulk_each_have_their_own_winner():
     assert [best(rows, poses)["9"]["method"] for poses in ("one", "cycle", "bulk")] == ["now", "newton", "batch"]
 
 
-def test_a_list_repeats_itself_where_the_winners_are_the_same():
-    rows, other = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")], [priced(9.0, 9.0), priced(9.0, 5.0, "chord")]
-    lists = [cheapest([asdict(row) for row in item]) for item in (rows, other)]
-
-    assert repeated(lists[0], lists[0])[:2] == (3, 3)  # of 3, 6 and 9 digits
-    assert repeated(*lists)[:2] == (3, 0)
-    assert repeated(*lists)[2][0] == "one cycle, 3 digits of position: made up, newton before, made up, chord now"
-
-
 @pytest.mark.parametrize(("share", "answers"), [(1.0, False), (0.05, True), (0.0, False)])
 def test_a_process_that_gets_a_small_part_of_a_busy_machine_is_no_hang(monkeypatch, share, answers):
     """It answers after 40 s: none that worked all the time, nor that slept, is given more than 20."""
@@ -262,32 +254,58 @@ def test_a_process_that_gets_a_small_part_of_a_busy_machine_is_no_hang(monkeypat
     assert measuring._says_something(SimpleNamespace(poll=poll), 0, patience=20.0) is answers
 
 
-def test_winners_within_the_spread_count_for_nothing():
-    near = cheapest([asdict(row) for row in (priced(9.0, 5.0), priced(9.0, 5.1, "chord"))])
+def of_all(*rows):
+    """Return the winners of rows, among all as among engines."""
+    return dict.fromkeys(("cheapest", "cheapest_engine"), cheapest([asdict(row) for row in rows]))
 
-    assert repeated(near, near)[:2] == (0, 0)
-    rows = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")]
-    nothing, known = ({"cheapest": one, "cheapest_engine": one} for one in (near, cheapest([asdict(r) for r in rows])))
-    assert not print_repeated(nothing, nothing, as_json=False)
+
+def test_winners_within_the_spread_count_for_nothing():
+    near, known = (of_all(priced(9.0, 5.0), priced(9.0, price, "chord")) for price in (5.1, 9.0))
+
+    assert repeated(near, near) == (0, 0, [])
+    assert not print_repeated(near, near, as_json=False)
     assert print_repeated(known, known, as_json=False)
 
 
-def test_cells_whose_winner_is_clear_in_one_list_alone_are_counted_and_said_not_to_count(capsys):
-    """Also where there is nobody in the other list; so nothing that was seen once is out of sight."""
-    clear, near = ([priced(9.0, 5.0), priced(9.0, price, "chord")] for price in (9.0, 5.1))
-    other = [replace(row, quantity="velocity") for row in clear]
-    lists = [cheapest([asdict(row) for row in rows]) for rows in (clear, near, other, [*clear, *other])]
-    before, now = ({"cheapest": one, "cheapest_engine": two} for one, two in (lists[1::-1], (lists[3], lists[0])))
-    print_repeated(before, now, as_json=False)
-    print_repeated(before, now, as_json=True)
-    said, data = capsys.readouterr().out.splitlines()
+def test_every_winner_that_the_earlier_list_has_ahead_counts_once(capsys):
+    """Also where the later one has another within the spread, or nobody: so no claim is out of sight."""
+    rows = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")]
+    twice = of_all(*rows, *(replace(row, quantity="velocity") for row in rows))
+    near = of_all(priced(9.0, 9.0), priced(9.0, 8.9, "chord"), priced(None, 1.0, quantity="velocity"))
 
-    assert [clear_once(lists[0], one) for one in lists] == [(0, 0), (3, 0), (3, 3), (0, 3)]
+    assert repeated(twice, twice) == (2, 2, [])  # the same two at 3, 6 and 9 digits, and in both lists
+    assert repeated(twice, near)[:2] == (2, 0)
+    assert repeated(twice, near)[2][::3] == [
+        "one cycle, 3 digits of position: made up, newton before, made up, chord now",
+        "one cycle, 3 digits of velocity: made up, newton before, nobody now",
+    ]
+    assert repeated(near, twice) == (0, 0, [])
+    half = of_all(*rows, *(replace(row, quantity="velocity") for row in (priced(9.0, 9.0), priced(9.0, 5.0, "chord"))))
+    assert not print_repeated(twice, half, as_json=False)
+    assert not print_repeated(twice, half, as_json=True)
+    *changed, said, data = capsys.readouterr().out.splitlines()
+
+    assert len(changed) == 3
     assert said == (
-        "the same winner in 3 of 3 cells whose winner is ahead of the second by more than the spread in both lists: "
-        "100.0%; in the first list alone it is so in 0 more, in the second alone in 6: these do not count"
+        "cheapest again are 1 of 2 winners that the earlier list has ahead of the second by more than the spread: 50.0%"
     )
-    assert (json.loads(data)["first_alone"], json.loads(data)["second_alone"]) == (0, 6)
+    assert {key: json.loads(data)[key] for key in ("pairs", "same", "share")} == {"pairs": 2, "same": 1, "share": 0.5}
+
+
+def test_in_bulk_nobody_is_ahead_of_one_that_was_not_asked_and_may_be_cheaper():
+    """The list said so, and the winner was dearer by twice."""
+    many = {"digits_bulk": 9.0, "spread_bulk": 0.0}
+    rows = [replace(priced(9.0, 5.0, str(price)), **many, microseconds_bulk=price) for price in (1.0, 2.0)]
+    unasked = [replace(priced(9.0, 5.0, "batch"), unasked_bulk=price) for price in (0.5, 2.9, 3.1)]
+
+    assert [best([*rows, *more], "bulk")["9"]["differs"] for more in ([], *([one] for one in unasked))] == [
+        True,
+        False,
+        False,
+        True,
+    ]
+    assert best([*rows, replace(unasked[0], digits=2.0)], "bulk")["9"]["differs"]
+    assert best([*rows, unasked[0]])["9"]["differs"] == best(rows)["9"]["differs"]
 
 
 def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
@@ -332,7 +350,7 @@ def test_a_list_is_measured_again_where_it_is_of_the_scene(again):
     (renamed, _, _), _ = again(lambda before: before.update(scene="under another name"))
 
     assert (code, renamed, len(measured_now)) == (0, 0, 2)
-    assert "the same winner in 6 of 6 cells" in out
+    assert "cheapest again are 1 of 1 winners" in out
 
 
 @pytest.mark.parametrize(
@@ -365,7 +383,7 @@ def test_a_list_is_printed_though_its_page_cannot_be_written(again, tmp_path):
     (page := tmp_path / "page.html").symlink_to("/dev/full")
     (code, out, err), _ = again(page=page)
 
-    assert (code, "the same winner in 6 of 6 cells" in out) == (4, True)
+    assert (code, "cheapest again are 1 of 1 winners" in out) == (4, True)
     assert "page.html: No space left on device" in err
 
 
@@ -533,6 +551,66 @@ def test_what_has_no_answer_in_bulk_is_priced_but_there(sent):
     assert min(digits["plain"][quantity][0] for quantity in ("position", "velocity", "acceleration")) > 12.0
 
 
+def test_a_cycle_is_the_longest_run_of_times_that_have_a_truth(monkeypatch):
+    """To look for a pose that is not there took a method fourteen times as long as a pose."""
+
+    class Truth(CertifiedTruth):
+        def __init__(self, scene):
+            super().__init__(scene)
+            self.known[[k for k, t in enumerate(scene.times) if t in lost]] = False
+
+    monkeypatch.setattr(price_process, "CertifiedTruth", Truth)
+    times = scene().times
+    for gone, run in (((), times), (times[-2:], times[:-2]), (times[1:2], times[2:])):
+        lost = {*gone}
+        ((cycle, truth),) = questions(scene())["cycle"].scenes
+
+        assert (cycle.times, truth.known.all()) == (run, True)
+        assert questions(scene())["bulk"].scenes[0][0].times[-1] == run[-1]
+
+
+def test_of_a_single_time_a_pose_is_asked_for_from_the_estimates_and_nobody_steps():
+    """What steps from one time to the next was the cheapest: it had no step to take."""
+    asked, messages = questions(replace(scene(), times=scene().times[:1])), []
+    steps = price_fakes.made("steps", "", partial(price_fakes._moved, 0.0), steps=True)
+    pipe = SimpleNamespace(send=messages.append)
+
+    assert set(asked) == {"cycle", "one"}
+    assert asked["one"].scenes[0][0].times == scene().times[:1]
+    assert price_process._answered(steps, asked, 2, pipe) is None
+    assert messages[-1][0] == "refused"
+    assert price_process._answered(replace(steps, steps=False), asked, 2, pipe) is not None
+
+
+def test_what_may_be_the_cheapest_in_bulk_is_told_by_what_more_poses_take(monkeypatch):
+    """One that gains by many is asked though a cycle is dear; who had no time is told, with what is expected of it."""
+    listed = {"slow": (20.0, 4 * 0.2), "gains": (30.0, 4 * 500.0), "next": (4.0, 4 * 0.04)}
+    digits = {poses: dict.fromkeys(("position", "velocity", "acceleration"), (9.0, "")) for poses in ("one", "cycle")}
+    runs = [
+        price_process._Run(
+            SimpleNamespace(key=("made up", name, ""), newton_by="", steps=False, at_once=False),
+            2,
+            {},
+            {"cycle": c, "one": o},
+            digits,
+        )
+        for name, (c, o) in listed.items()
+    ]
+    asked = {
+        "cycle": PriceQuestion(((SimpleNamespace(times=range(73)), None),), ()),
+        "one": PriceQuestion(((SimpleNamespace(times=[0.0]), None),) * 4, ()),
+        "bulk": None,
+    }
+    clock = iter([0.0, 1.0, 9.0])
+    monkeypatch.setattr(price_process, "time", SimpleNamespace(process_time=lambda: next(clock)))
+    monkeypatch.setattr(price_process, "_digits", lambda run, poses, question: digits["cycle"])
+    messages = []
+    first = list(price_process._in_bulk(runs, asked, 10.0, SimpleNamespace(send=messages.append)))
+
+    assert [run.method.key[1] for run in first] == ["gains"]
+    assert [m[1:] for m in messages if m[0] == "unasked"] == [(("made up", "next", ""), pytest.approx(3.96 / 72))]
+
+
 def test_where_all_comes_at_once_the_highest_order_alone_is_timed(sent):
     assert set(timings(sent, "at once")) == {
         (poses, order) for poses in ("one", "cycle", "bulk") for order in (LAST, 2)
@@ -563,8 +641,8 @@ def test_bulk_is_a_thousand_poses_over_the_same_time():
 
 @pytest.mark.parametrize(("turns", "told"), [((1.0, 1.0, 1.5), 0.5), ((1.0,), None)])
 def test_the_spread_of_a_price_is_that_of_its_rounds_and_a_single_one_has_none(monkeypatch, turns, told):
-    method, messages = SimpleNamespace(key=("made up", "newton", ""), newton_by="", at_once=True), []
-    asked = PriceQuestion((), (), 1)
+    method, messages = SimpleNamespace(key=("made up", "newton", ""), newton_by="", at_once=True, steps=False), []
+    asked = {"one": PriceQuestion(((SimpleNamespace(times=[0.0]), None),), ())}
     digits = {"one": dict.fromkeys(("position", "velocity", "acceleration"), (9.0, ""))}
     run = price_process._Run(method, 2, {"one": [Model(lambda order: None, list)]}, {"one": 1e-3}, digits)
     monkeypatch.setattr(
@@ -594,7 +672,7 @@ def test_who_is_asked_is_told_before(sent):
 
 @pytest.mark.parametrize("unknown", [[], [2]])
 def test_one_pose_is_asked_for_from_the_truth_at_the_time_before(monkeypatch, unknown):
-    """And by whoever steps in time from that time on; only where both are known."""
+    """And by whoever steps in time from that time on; of the longest run of times that are known."""
 
     class Truth(CertifiedTruth):
         def __init__(self, scene):
