@@ -96,7 +96,7 @@ def drawn_scenes(
     *,
     kinds: Collection[str] = tuple(KINDS),
     hardness: Collection[Hardness] = tuple(Hardness),
-    decades: Decades = (3, 10),
+    decades: Decades = (2, 10),
     samples: int = 72,
     min_size: float = 1e-3,
     max_size: float = 1e3,

@@ -162,7 +162,7 @@ def solve_many(
 
 def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> tuple[Family, Compiled]:
     """Return the family, reduced to what the wanted bodies depend on, and what is compiled of it."""
-    system = agreeing(compile_system(scene.mechanism, scene.effects), scene.times[0])
+    system = agreeing(compile_system(scene.mechanism, scene.effects), scene.times)
     if system.kind is not PLANE:
         raise RefkinError(
             f"{scene.name} is {system.kind.name}: `solve_many` takes planar families, `sweep` either kind"

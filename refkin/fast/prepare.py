@@ -69,7 +69,7 @@ class Prepared:
 
 def prepared(scene: Scene) -> Prepared | None:
     """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
-    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     start: Start | None = None
     rows: Any = range(system.n)
     if system.m != system.n:

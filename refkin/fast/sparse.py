@@ -196,7 +196,7 @@ def solve_large(scene: Scene) -> Large:
     Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once,
     the residual is at round-off and `Large.h` is small; nothing is searched for and nothing is proved.
     """
-    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     missing = [b.name for b in scene.mechanism.bodies if b.estimate is None]
     if missing:
         raise InvalidScene([Fault(f"body {missing[0]!r}", None, "an estimate of its first pose")], scene.name)

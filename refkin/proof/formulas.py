@@ -8,7 +8,7 @@ class from elsewhere is asked before it is believed, at a pose of no special pla
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,14 +23,17 @@ H = 1e-100
 """The complex step: no difference is taken, so nothing cancels."""
 OFF = 1e-9
 """What rounding leaves of a derivative is far below this part of the largest number in it, and a wrong term above."""
+BETWEEN = 0.382
 WRITTEN = "formulas add, subtract, multiply, and take sines and cosines by refkin.vec.cosine_and_sine"
 
 
-def agreeing(system: System, t: float) -> System:
+def agreeing(system: System, times: Sequence[float]) -> System:
     """Return the system; RefkinError names a joint of another's class of which a formula is not the derivative it is.
 
-    Joints that bring or share a parameter are not asked.
+    Joints that bring or share a parameter are not asked. Laws are those of a time between the first and the last, where
+    rates are more seldom zero than at an end.
     """
+    t = times[0] + BETWEEN * (times[-1] - times[0])
     for p in system.placed:
         if type(p.constraint).__module__.partition(".")[0] != "refkin" and len(p.starts) == 2:
             c, columns = p.constraint, [s + k for s in p.starts if s is not None for k in range(system.kind.width)]

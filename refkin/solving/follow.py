@@ -213,7 +213,7 @@ def follow(
         raise ValueError("a system alone does not say where to start: give (q, t)")
     if not limits[0] <= t <= limits[1]:
         raise InvalidRequest("until", f"two values that t = {t:.17g}, where the path begins, is between", str(limits))
-    frames = recentred(agreeing(system, t))
+    frames = recentred(agreeing(system, [t]))
     if q is None:
         return _Continuation(frames, None, limits).path(Trace(), message)
     q = frames.inward(q)

@@ -57,7 +57,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
 
 def _solved(scene: Scene, certified: bool) -> SceneMotion:
-    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times[0])
+    system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     system = StraightLineSystem.of(system)
     assembled = cache(lambda t: assemblies(system, t, trying=False))
     q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)

@@ -336,3 +336,35 @@ def test_rates_that_nobody_calls_for_are_not_asked():
     scene = replace(with_formula("gamma", lambda own: (own[0], -own[1])), effects=frozenset({Effect.VELOCITY}))
 
     assert refkin.solve(scene).verdict == "ok"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor(AngleDriver):
+    """A driver of an angle under another name."""
+
+    type: Literal["motor"] = "motor"  # type: ignore[assignment]
+
+
+class Hasty(Motor):
+    """One that says twice the rate of its law."""
+
+    @staticmethod
+    def nu(g, f, i, j):
+        return (2 * f[0][1],)
+
+
+class Blunt(Motor):
+    """One that forgets how its law bends."""
+
+    @staticmethod
+    def gamma(g, f, i, j):
+        return (0,)
+
+
+def test_a_driver_of_ones_own_is_held_to_what_its_law_moves():
+    law = Sinusoid(amplitude=0.4, angular_frequency=2.0)
+
+    assert refkin.solve(turning(Motor(**ANGLE, law=law))).verdict == "ok"
+    for cls, formula in ((Hasty, "nu"), (Blunt, "gamma")):
+        with pytest.raises(RefkinError, match=rf"^motor 'c': expected {formula}\[0\] to be the derivative"):
+            refkin.solve(turning(cls(**ANGLE, law=law)))
