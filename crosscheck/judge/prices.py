@@ -26,10 +26,11 @@ class PriceRow:
     """One method at one setting, for one quantity: over one cycle, for `_one` pose now, in `_bulk`.
 
     `digits` are the fewest over the times, None where a time has no answer; `digits_attainable` what half an ulp of the
-    scene's own numbers leaves, over one cycle. `microseconds` is what one configuration costs up to this quantity, None
-    if it was not measured, and `spread` how far the median round lies above the least, as a part of it, None if it was
-    timed once. To build the model of one cycle, once, takes `microseconds_to_build`. `unasked_bulk` is what
-    a pose may be expected to cost in bulk by a method that there was no time to ask, and that may be the cheapest.
+    scene's own numbers leaves if each does most harm, over one cycle, which is no limit. `microseconds` is what one
+    configuration costs up to this quantity, None if it was not measured, and `spread` how far the median round lies
+    above the least, as a part of it, None if it was timed once. To build the model of one cycle, once, takes
+    `microseconds_to_build`. `unasked_bulk` is what a pose may be expected to cost in bulk by a method that there was no
+    time to ask, and that may be the cheapest.
     """
 
     engine: str
