@@ -272,7 +272,7 @@ def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
         for row in night["accuracy"]:
             by_method.setdefault((row["engine"], row["method"]), {}).setdefault(row["quantity"], []).append(row)
     rows = [[*method, *(_digits(of.get(q, [])) for q in QUANTITIES)] for method, of in sorted(by_method.items())]
-    title = "Digits: median / worst of the last night (range of the worst)"
+    title = "Digits: median / worst of the last night, each over all its own scenes (range of the worst)"
     return table("engine", "method", *(f">{quantity}" for quantity in QUANTITIES), rows=rows, title=title)
 
 

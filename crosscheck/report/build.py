@@ -29,6 +29,7 @@ from crosscheck.report.figures import (
     slopes_figure,
     trends_figure,
 )
+from crosscheck.report.first_table import first_table
 from crosscheck.report.front import first_pose, spoken, spoken_moving
 from crosscheck.report.prices import cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.summary import Summary
@@ -43,6 +44,8 @@ GROUPS = {
     "residual": "The engine's own residual, phi",
     "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
+NO_JOINT = "no joint, drivers alone"
+"""What a mechanism is counted as whose bodies are joined by nothing but driven lengths, as Stewart's platform."""
 COVERAGE_NAMES = {
     "kind": "Linkage",
     "grashof": "Grashof class",
@@ -104,7 +107,7 @@ def render(report: Mapping[str, Any]) -> str:
         js_hash=digest(js),
         headline=wording.headline(report["verdict"], report["new_disagreements"]),
         answer=front.answer(report),
-        first=front.first_table(report),
+        first=first_table(report),
         folds=front.folds(report),
         hard=front.hard_matrix(report),
         glance=glance(report),
@@ -189,7 +192,7 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
     by_joints: dict[str, Counter[str]] = {}
     by_driver: dict[str, Counter[str]] = {}
     for joints, driver, law, _, hardness, _, scenes in report["rows"]:
-        by_joints.setdefault(joints, Counter())[law] += scenes
+        by_joints.setdefault(joints or NO_JOINT, Counter())[law] += scenes
         by_driver.setdefault(f"{driver} · {hardness}", Counter())[law] += scenes
     laws = sorted({law for counts in by_joints.values() for law in counts})
     tables = {"by_joints": by_joints, "by_driver": by_driver}
@@ -199,6 +202,8 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _value(name: str, value: str) -> str:
+    if name == "joints" and not value:
+        return NO_JOINT
     if not name.endswith("_decade") or not value.lstrip("-").isdigit():
         return {"": "none", "True": "yes", "False": "no"}.get(value, value.replace("_", " "))
     return f"{power_of_ten(int(value))} to {power_of_ten(int(value) + 1)}"

@@ -1,12 +1,12 @@
-"""The first screen: one row per engine and method, one line per folded section, and the picture of a pose."""
+"""The first screen: its sentence, one line per folded section, and the picture of a pose."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from crosscheck.judge.prices import Offer, offers
-from crosscheck.judge.records import QUANTITIES as SOLVED
+from crosscheck.judge.prices import Offer
+from crosscheck.report.first_table import asked, nine_digits
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import main_class
 from crosscheck.report.svg import Style
@@ -14,106 +14,12 @@ from crosscheck.report.wording import count, number
 from crosscheck.scenes.names import OURS
 
 Report = Mapping[str, Any]
-GOAL = 9
-"""Digits of acceleration whose price stands in the first table."""
-ANSWERED = ("correct", "warned", "wrong")
-SERIOUS = (None, "", "defect")
-"""Classes of wrong answers that nothing excuses: none, or a defect of the engine."""
-
-
-def first_table(report: Report) -> list[dict[str, Any]]:
-    """Return a row per engine and method: digits, price, what was wrong without a word.
-
-    The price is that of the row's own method over one cycle: what is cheaper is no price of these digits. After
-    them come the methods of shipped defaults that no drawn scene is sent through, as users run them: their digits are
-    the most that the price list has of them.
-    """
-    prices = report["price"] or []
-    paid = {offer.name: offer.microseconds for offer in _offers(prices)}
-    priced = {(row["engine"], row["method"]) for row in prices}
-    of_methods = {(row["engine"], row["method"]): row for row in report["methods"]}
-    rows = []
-    for engine, methods in report["engines"].items():
-        for method, quantities in methods.items():
-            made = of_methods.get((engine, method), {})
-            silent, seriousness = _silent(report, engine, method, made)
-            rows.append(
-                {
-                    "engine": engine,
-                    "method": method,
-                    "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
-                    "price": paid.get((engine, method)) if prices else made.get("microseconds_median"),
-                    "priced": (engine, method) in priced or not prices,
-                    "silent": silent,
-                    "silent_class": seriousness,
-                    "asked": True,
-                    "scenes": made.get("scenes", 0),
-                    "newton_by": quantities["position"]["newton_by"],
-                }
-            )
-        rows += _as_shipped(report, engine, list(methods))
-    return rows
-
-
-def _as_shipped(report: Report, engine: str, methods: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the rows of an engine's methods that were asked hard cases, and no drawn scene."""
-    asked = dict.fromkeys(row["method"] for row in report["hard_cases"] or () if row["engine"] == engine)
-    rows = []
-    for method in (name for name in asked if name not in methods):
-        named = (method, f"{method}, as shipped")
-        priced = [r for r in report["price"] or () if r["engine"] == engine and r["method"] in named]
-        best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
-        silent, seriousness = _silent(report, engine, method, {})
-        shown = priced[0]["method"] if priced else method
-        row = {"engine": engine, "method": shown, "cells": [{"best": digits, "samples": 0} for digits in best]}
-        said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False}
-        newton_by = priced[0].get("newton_by") if priced else None
-        rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
-    return rows
-
-
-def _offers(prices: Sequence[Mapping[str, Any]]) -> list[Offer]:
-    """Return the cheapest setting of each method with nine digits of acceleration over one cycle, cheapest first."""
-    of_class = [row for row in prices if row["scene_class"] == main_class(prices)]
-    return offers(of_class, "cycle", "acceleration", GOAL)
-
-
-def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
-    beyond = cell["worst_over_allowed"] is not None and cell["worst_over_allowed"] > 1.0
-    seriousness = ("gap" if cell["known_gaps"] and not cell["failures"] else "bad") if beyond else ""
-    return {
-        "median": cell["digits_median"],
-        "worst": cell["digits_worst"],
-        "samples": cell["samples"],
-        "class": seriousness,
-        "best": None,
-    }
-
-
-def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -> tuple[str, str]:
-    """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it.
-
-    Hard cases are counted by kind: those of one kind often begin alike, and what is wrong there is wrong in each.
-    """
-    kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
-    parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
-    cases = [row for row in report["hard_cases"] or () if (row["engine"], row["method"]) == (engine, method)]
-    wrong = [row for row in cases if row["verdict"] == "wrong"]
-    if wrong:
-        answered = len({row["case"] for row in cases if row["verdict"] in ANSWERED})
-        classes = ", ".join(dict.fromkeys(row["class"] or "not explained" for row in wrong))
-        asked, of = _asked(cases)
-        few = f", {asked} of {of} cases asked" if asked < of else ""
-        kinds_wrong = len({row["case"] for row in wrong})
-        parts.append(f"{kinds_wrong} of {answered} kinds of hard cases that it answers{few} ({classes})")
-    new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
-    return "; ".join(parts), "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
 
 
 def answer(report: Report) -> str:
     """Return the sentence that names the cheapest way to nine digits of acceleration; empty without a price list."""
     prices = report["price"] or []
-    ordered = _offers(prices)
+    ordered = nine_digits(prices)
     if not ordered:
         return "No method reaches nine digits of acceleration." if prices else ""
     cheapest_method = _paid(ordered[0])
@@ -216,13 +122,8 @@ def _hard_line(rows: Any) -> str:
         return "not measured in this run"
     counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
     verdicts = ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
-    asked, of = _asked(rows)
-    return f"{asked} of {of} cases, the same for all: {verdicts}" if asked < of else verdicts
-
-
-def _asked(rows: Sequence[Mapping[str, Any]]) -> tuple[int, int]:
-    """Return of how many hard cases there are rows, and how many cases there are."""
-    return len({(r["case"], r.get("distance")) for r in rows}), max(r.get("of", 0) for r in rows)
+    done, of = asked(rows)
+    return f"{done} of {of} cases, the same for all: {verdicts}" if done < of else verdicts
 
 
 def _slopes_line(report: Report) -> str:

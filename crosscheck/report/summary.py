@@ -14,6 +14,7 @@ from typing import Any
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
 from crosscheck.night.plan import GOLDEN, OUTCOME, Golden, NightOutcome
+from crosscheck.report.alike import SameScenes
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.disagreements import Disagreements, Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured
@@ -51,6 +52,7 @@ class Summary:
         self.reference = ReferenceTotals()
         self.coverage, self.together, self.refusals = Coverage(), Together(), Refusals()
         self.peers, self.silent, self.features = Peers(), Silent(), Features()
+        self.same_scenes = SameScenes()
         called_new = [*(self.golden.worse if self.golden else ()), *(self.outcome.new if self.outcome else ())]
         self.disagreements = Disagreements(folder, self.gaps, called_new)
         for line, record in read_records(folder / "records.jsonl"):
@@ -97,6 +99,7 @@ class Summary:
         self._blame(blamed)
 
     def _add_answers(self, record: Record, place: RecordLine, sigma_decade: int | None) -> None:
+        self.same_scenes.add(record.answers)
         for answer in record.answers:
             engine, method = answer.engine, answer.method.name
             self.versions.setdefault(engine, Counter())[answer.version] += 1
@@ -132,7 +135,11 @@ class Summary:
                 cell.known_gaps += not is_new
 
     def described(self) -> dict[str, Any]:
-        """Return the whole report."""
+        """Return the whole report.
+
+        Digits under `engines` are of all scenes that a method answered; those to be set side by side are under
+        `same_scenes`, since schema 3 (`crosscheck.report.alike`).
+        """
         run = self.run
         versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
@@ -144,7 +151,7 @@ class Summary:
         new = self.disagreements.new
         how, why = verdict(**asked, new=new, failures=len(self.failures), scenes=len(self.keys))
         return {
-            "schema": 2,
+            "schema": 3,
             "verdict": how,
             "why": why,
             "date": run.get("date"),
@@ -165,6 +172,7 @@ class Summary:
             "agreement": self.peers.agreement_described(),
             "poses": self.pictures.model_dump() if self.pictures else PICTURES,
             "engines": {engine: self._engine(engine) for engine in engines},
+            "same_scenes": self.same_scenes.described(),
             "methods": [
                 {"engine": e, "method": r, **t.described(), "silent": self.silent.of(e, r)}
                 for (e, r), t in sorted(self.methods.items())
