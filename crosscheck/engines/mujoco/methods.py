@@ -3,12 +3,13 @@
 There the model is the joint tree with a site at either end of each loop that is left open. Positions of sites, their
 Jacobians and accelerations are MuJoCo's own; Newton on the free coordinates is done here, on rows. One mechanism is
 taken to a few poses one after another, and to all others from the cubics between them. Many go from time to time
-together.
+together. One pose after the other is found in scalars (`tree.scalars`), on the rows of its equality constraints.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,7 +23,8 @@ from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
 from crosscheck.engines.mujoco.rows import in_order
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
-from crosscheck.engines.tree.newton import Clockwork, Loops, newton_methods, solved_one, solved_rows
+from crosscheck.engines.tree.newton import Loops, newton_methods, solved_rows
+from crosscheck.engines.tree.scalars import LIMITS, MOST_NEWTON, Row, ScalarNewton, scalar_methods
 from crosscheck.scenes.workloads import FourBars, LoopChain, Workload, whole
 from refkin.model import Scene
 
@@ -30,11 +32,8 @@ MECHANISMS = 200
 """So many of many mechanisms are done."""
 COARSE, EVERY = 40, 4
 """One pose of so many is found before the others, from the one before it; at most so many."""
-LIMITS = (1e-2, 1e-4, 1e-8)
-"""Largest correction at which Newton stops; it squares the error."""
 NEAR = 1e-4
 """A Jacobian this near is taken for the next correction, too: what that leaves is about the product of both."""
-MOST_NEWTON = 12
 UNUSED = ("EQUALITY", "CONSTRAINT")
 """What of MuJoCo the batch has no need of, beside all that is no kinematics."""
 
@@ -48,12 +47,49 @@ def methods() -> Iterator[Method]:
         last = limit == LIMITS[-1]
         more: Any = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": partial(_batched, limit)} if last else {}
         yield priced("mujoco", name, f"|dq| < {limit:g}", who, partial(_swept, limit), note, **more)
+    yield from scalar_methods("mujoco", linked, ConnectRows)
     yield from newton_methods("mujoco", tree_of, MujocoSpace)
     yield from stepping_methods()
 
 
+linked = partial(tree_of, massless_links=True)
+"""Scene -> its tree whose loops revolute joints close where distances would."""
+
+
+class ConnectRows:
+    """MuJoCo's loops at one pose, each a `connect` of its model of the tree, in three rows.
+
+    EngineError if it leaves out one that no joint moves.
+    """
+
+    def __init__(self, loops: Loops) -> None:
+        engine: Any = loops.tree.engine
+        self.model, self.data, self.columns = engine.model, engine.data, engine.columns.tolist()
+        self._q, self._v = self.data.qpos, self.data.qvel  # views
+        self.closure(in_order(loops.tree.start(), engine.columns).tolist())
+        if self.data.nefc != 3 * self.model.neq:
+            raise EngineError("MuJoCo has no rows of a joint that closes a loop and that nothing moves")
+
+    def closure(self, q: Row) -> tuple[Row, Row]:
+        """Return the gaps of the loops (3 L,) and their Jacobian (3 L n,)."""
+        model, data = self.model, self.data
+        self._q[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeConstraint(model, data)
+        return data.efc_pos.tolist(), data.efc_J.tolist()
+
+    def drift(self, q: Row, qd: Row) -> Row:
+        """Return the accelerations of the gaps (3 L,) at qdd = 0, where the bodies were last placed."""
+        model, data = self.model, self.data
+        self._v[:] = qd
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_referenceConstraint(model, data)
+        return [-x for x in data.efc_aref.tolist()]
+
+
 def _swept(limit: float, scene: Scene) -> Model:
-    sweep = OneMechanism(Loops.of(tree_of(scene)), limit)
+    sweep = OneMechanism(Loops.of(linked(scene)), limit)
     return Model(sweep.solve, sweep.loops.tree.read)
 
 
@@ -153,11 +189,10 @@ class OneMechanism:
         self.samples = Samples(loops, len(self.t), limit)
         self.values = loops.clock.values[:, :, 0]
         self.start = in_order(loops.tree.start(), self.samples.columns)
-        self.data = mujoco.MjData(self.samples.model)
-        count = min(COARSE + 1, max(len(self.t) // EVERY, 2))
+        count = min(COARSE + 1, max(len(self.t) // EVERY, 2), len(self.t))
         self.coarse = np.linspace(self.t[0], self.t[-1], count)
-        self.at_coarse = Clockwork.of(loops.tree.system.tree, self.coarse.tolist(), 1).values[:, :, 0]
-        self._rows = np.zeros((2, 3, self.samples.model.nv))
+        few = Loops.of(replace(loops.tree, scene=replace(loops.tree.scene, times=tuple(self.coarse.tolist()))))
+        self.few = ScalarNewton(few, ConnectRows(few), LIMITS[-2])
 
     def solve(self, order: int) -> list[Any]:
         """Return tree coordinates and rates (n, T) up to an order."""
@@ -169,44 +204,12 @@ class OneMechanism:
         if len(self.t) == 1:
             guess = self.start[None].copy()
         else:
-            q, v = self._march()
+            q, v = np.array(self.few.solve(1)).transpose(1, 0, 2)
             h = self.coarse[1] - self.coarse[0]
             k = np.minimum((self.t - self.coarse[0]) // h, len(self.coarse) - 2).astype(int)
             guess = hermite((0.0, h), (q[k], q[k + 1]), (v[k], v[k + 1]), (self.t - self.coarse[k])[:, None])
         guess[:, self.samples.held] = self.values[0]
         return guess
-
-    def _march(self) -> tuple[Any, Any]:
-        """Return the coarse poses and rates (count, n), each found from the one before it."""
-        held, free = self.samples.held, self.samples.free
-        q, v = np.empty((2, len(self.coarse), len(self.start)))
-        at, rate, h = self.start.copy(), np.zeros(len(self.start)), self.coarse[1] - self.coarse[0]
-        for k in range(len(self.coarse)):
-            if k:
-                at += h * rate
-            at[held], rate[held] = self.at_coarse[0, k], self.at_coarse[1, k]
-            for _ in range(MOST_NEWTON):
-                gap, jacobian = self._closure(at)
-                step = solved_one(jacobian[:, free], gap)
-                at[free] -= step
-                if max(map(abs, step.tolist())) <= LIMITS[-2]:
-                    break
-            rate[free] = -solved_one(jacobian[:, free], jacobian[:, held] @ rate[held])
-            q[k], v[k] = at, rate
-        return q, v
-
-    def _closure(self, q: Any) -> tuple[Any, Any]:
-        model, data, (one, other) = self.samples.model, self.data, self._rows
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        gaps, rows = [], []
-        for i, j in self.samples.ends:
-            mujoco.mj_jacSite(model, data, one, None, i)
-            mujoco.mj_jacSite(model, data, other, None, j)
-            gaps.append(data.site_xpos[i, :2] - data.site_xpos[j, :2])
-            rows.append(one[:2] - other[:2])
-        return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
 
 
 class ManyMechanisms:

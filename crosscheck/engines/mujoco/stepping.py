@@ -91,9 +91,9 @@ def _relaxed(count: int, scene: Scene) -> Model:
     return Model(partial(stepper.relax, count), stepper.tree.read)
 
 
-def tree_of(scene: Scene) -> Tree:
-    """Return a scene as MuJoCo's joint tree; raises as `Tree.of`."""
-    return Tree.of(Mujoco(), lambda mechanism: TreeRows(joint_tree(mechanism)), scene)
+def tree_of(scene: Scene, *, massless_links: bool = False) -> Tree:
+    """Return a scene as MuJoCo's joint tree, with a body for each distance if it has links; raises as `Tree.of`."""
+    return Tree.of(Mujoco(), lambda m: TreeRows(joint_tree(m, massless_links=massless_links)), scene)
 
 
 class MujocoStepper:

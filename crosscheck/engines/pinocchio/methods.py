@@ -1,7 +1,7 @@
 """Pinocchio's methods: a joint tree, its loops closed by Newton on the free coordinates (its fastest); steps in time.
 
 Pinocchio closes no loops itself. Residual, Jacobian and point accelerations are its own; Newton and systems of two
-equations are done here in scalars, because two calls of numpy.linalg.solve would take longer than all of its work.
+equations are the adapter's, in scalars (`tree.scalars`).
 
 Nor does it integrate in time: Euler and Runge-Kutta, with and without Baumgarte's terms, are the adapter's, on its
 `constraintDynamics`. The prescribed coordinates are overwritten before each step, with an armature beside which no
@@ -10,11 +10,9 @@ constraint force moves them; stepping starts at a closed pose with consistent ve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
-from operator import mul
 from typing import Any
 
 import numpy as np
@@ -25,6 +23,7 @@ from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
 from crosscheck.engines.tree.newton import NOBODY, Clockwork, Loops, Tree, newton_methods
+from crosscheck.engines.tree.scalars import Row, scalar_methods
 from refkin.model import Scene
 
 FLYWHEEL = 1e12
@@ -135,41 +134,25 @@ def _rk4(acceleration: Acceleration, prescribed: Array, q: Array, qd: Array, h: 
 RULES = {"Euler": _euler, "RK4": _rk4}
 
 
-LIMITS = (1e-2, 1e-4, 1e-8)
-"""Largest correction at which Newton stops; it squares the error."""
-MOST_NEWTON = 12
-
-
 def methods() -> Iterator[Method]:
     """Yield the methods of Pinocchio."""
     yield from of_routes(Pinocchio(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
-    name, who = "Newton on free coordinates", "the adapter (in scalars)"
-    note = "each pose from the extrapolated one; laws are tabulated with the model"
-    for limit in LIMITS:
-        uses = frozenset({Use.PRICE, Use.BENCH} if limit == LIMITS[-1] else {Use.PRICE})
-        yield priced("pinocchio", name, f"|dq| < {limit:g}", who, partial(_direct, limit), note, uses=uses)
+    yield from scalar_methods("pinocchio", tree_of, Anchors)
     yield from newton_methods("pinocchio", tree_of, PinocchioSpace)
     yield from stepping_methods()
 
 
-def _direct(limit: float, scene: Scene) -> Model:
-    loops = Loops.of(tree_of(scene))
-    return Model(Direct(loops, limit).solve, loops.tree.read)
+class Anchors:
+    """Pinocchio's loops at one pose, each one of its anchors.
 
-
-class Direct:
-    """One mechanism, pose after pose; in scalars, as an array of so few numbers costs more than what is done to it.
-
-    Each loop is one anchor of Pinocchio's: where it is placed it has the gap, its Jacobian and, where nothing
-    accelerates the tree, the acceleration of the gap, all three in axes of the same frame.
+    Where an anchor is placed it has the gap, its Jacobian and, where nothing accelerates the tree, the acceleration of
+    the gap, all three in axes of the same frame.
     """
 
-    def __init__(self, loops: Loops, limit: float) -> None:
+    def __init__(self, loops: Loops) -> None:
         engine: Any = loops.tree.engine
-        self.limit, self.t, self.planar = limit, loops.tree.scene.times, engine.planar
-        self.start = loops.tree.start().tolist()
-        self.held, self.free = loops.clock.columns.tolist(), loops.free.tolist()
-        self.values = loops.clock.values[:, :, 0].tolist()
+        self.planar = engine.planar
+        self.columns: Sequence[int] = range(self.planar.model.nv)
         self.anchors = [self._anchor(contact) for contact in engine.rows.contacts()[0]]
 
     def _anchor(self, contact: Any) -> tuple[Any, ...]:
@@ -180,82 +163,20 @@ class Direct:
         place, slopes = (partial(of, model, self.planar.data, of_pose) for of in (anchor.calc, anchor.jacobian))
         return place, slopes, of_pose.constraint_position_error, of_pose.constraint_acceleration_error
 
-    def solve(self, order: int) -> list[Any]:
-        """Return tree coordinates and rates (n, T) up to an order; NaN from where Newton does not converge."""
-        poses: list[list[list[float]]] = []
-        with suppress(ZeroDivisionError, np.linalg.LinAlgError):  # a singular pose, beyond which it does not go
-            for pose in self._poses(order):
-                poses.append(pose)
-        out = np.full((len(self.t), order + 1, len(self.start)), np.nan)
-        if poses:
-            out[: len(poses)] = poses
-        return list(out.transpose(1, 2, 0))
-
-    def _poses(self, order: int) -> Iterator[list[list[float]]]:
-        """Yield coordinates and rates up to an order, each pose from where all that is known of the last one leads."""
-        still = [0.0] * len(self.start)
-        known, before = [self.start, still, still, still], 0.0
-        for t, *given in zip(self.t, *self.values, strict=True):
-            h = t - before
-            q = np.array([x + h * (v + h * (a / 2.0 + h * j / 6.0)) for x, v, a, j in zip(*known, strict=True)])
-            rows = self._close(q, given[0])
-            if rows is None:
-                return
-            if order:
-                rows = self._closure(q)[1]
-            pose = [q.tolist(), self._rates(rows, given[1], [0.0] * len(rows))]
-            if order > 1:
-                self.planar.move(q, np.array(pose[1]))
-                pose.append(self._rates(rows, given[2], self._drift()))
-            yield pose[: order + 1]
-            pairs = zip(pose[-1], known[len(pose) - 1], strict=True)
-            slope = still if known[0] is self.start else [(x - y) / h for x, y in pairs]
-            known, before = [*pose, slope, still][:4], t
-
-    def _close(self, q: Any, held: list[float]) -> list[list[float]] | None:
-        """Close the loops from q, which is changed; return the last Jacobian, None without convergence."""
-        for column, value in zip(self.held, held, strict=True):
-            q[column] = value
-        for _ in range(MOST_NEWTON):
-            gaps, rows = self._closure(q)
-            step = self._solved(rows, gaps)
-            for column, x in zip(self.free, step, strict=True):
-                q[column] -= x
-            if max(map(abs, step)) <= self.limit:
-                return rows
-        return None
-
-    def _rates(self, rows: list[list[float]], held: list[float], drift: list[float]) -> list[float]:
-        """Return the rates (n,) for which rows and drift make 0, from those of the prescribed coordinates."""
-        rates = [0.0] * len(self.start)
-        for column, rate in zip(self.held, held, strict=True):
-            rates[column] = rate
-        right = [sum(map(mul, row, rates), more) for row, more in zip(rows, drift, strict=True)]
-        for column, x in zip(self.free, self._solved(rows, right), strict=True):
-            rates[column] = -x
-        return rates
-
-    def _solved(self, rows: list[list[float]], right: list[float]) -> list[float]:
-        """Return the solution in the free columns; of two rows without LAPACK, whose call would take longer."""
-        if len(rows) > 2:
-            solution: list[float] = np.linalg.solve(np.array(rows)[:, self.free], right).tolist()
-            return solution
-        (i, j), (one, other), (x, y) = self.free, rows, right
-        determinant = one[i] * other[j] - one[j] * other[i]
-        return [(other[j] * x - one[j] * y) / determinant, (one[i] * y - other[i] * x) / determinant]
-
-    def _closure(self, q: Any) -> tuple[list[float], list[list[float]]]:
-        """Return the gaps of the loops (2 L,) and their Jacobian (2 L, n)."""
-        self.planar.place(q)
-        gaps, rows = [], []
+    def closure(self, q: Row) -> tuple[Row, Row]:
+        """Return the gaps of the loops (3 L,) and their Jacobian (3 L n,)."""
+        self.planar.place(np.array(q))
+        gaps: Row = []
+        rows: Row = []
         for place, slopes, gap, _ in self.anchors:
             place()
-            gaps += gap.tolist()[:2]
-            rows += slopes().tolist()[:2]
+            gaps += gap.tolist()
+            rows += slopes().ravel().tolist()
         return gaps, rows
 
-    def _drift(self) -> list[float]:
-        """Return the accelerations of the gaps (2 L,) as the model moves."""
+    def drift(self, q: Row, qd: Row) -> Row:
+        """Return the accelerations of the gaps (3 L,) at qdd = 0."""
+        self.planar.move(np.array(q), np.array(qd))
         for place, *_ in self.anchors:
             place()
-        return [x for *_, bend in self.anchors for x in bend.tolist()[:2]]
+        return [x for *_, bend in self.anchors for x in bend.tolist()]

@@ -240,13 +240,3 @@ def solved_rows(matrix: Any, right: Any) -> Any:
     x, y = np.moveaxis(right, -1, 0)
     determinant = a * d - b * c
     return np.stack([(d * x - b * y) / determinant, (a * y - c * x) / determinant], axis=-1)
-
-
-def solved_one(matrix: Any, right: Any) -> Any:
-    """Return the solution (f,) of one system; two equations in scalars, where a call of LAPACK would take longer."""
-    if len(matrix) != 2:
-        return np.linalg.solve(matrix, right)
-    (a, b), (c, d) = matrix.tolist()
-    x, y = right.tolist()
-    determinant = a * d - b * c
-    return np.array([(d * x - b * y) / determinant, (a * y - c * x) / determinant])
