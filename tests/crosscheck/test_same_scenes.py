@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -56,19 +57,19 @@ def blocks(page: str) -> list[tuple[str, dict[str, list[str]]]]:
     return found
 
 
-@pytest.fixture
-def sampled(tmp_path: Path) -> tuple[Any, str]:
+def sampled() -> tuple[Any, str]:
     """A run of six scenes, two of them easy: a method is asked for these alone, and is worse there than the others."""
     records = []
     for k in range(6):
         answers = [answered(engine, EASY if k < 2 else HARD) for engine in ("mujoco", "exudyn")]
         records.append(record(f"{k:04x}", *answers, *([answered("pinocchio", SLIGHTLY_WORSE)] if k < 2 else [])))
-    return of_run(tmp_path, *records)
+    with TemporaryDirectory() as folder:
+        return of_run(Path(folder), *records)
 
 
-def test_a_method_that_is_asked_for_easier_scenes_does_not_look_better(sampled: Any) -> None:
+def test_a_method_that_is_asked_for_easier_scenes_does_not_look_better() -> None:
     """Beside whatever digits its own stand, these are of the same scenes, and more."""
-    (head, first), (of_few, few) = blocks(sampled[1])
+    (head, first), (of_few, few) = blocks(sampled()[1])
 
     assert {row[1] for row in first.values()} == {"12.2 / 8.0"}
     assert head == "half of all poses / the worst pose, on the 6 scenes (24 poses) that all of these answered"
@@ -77,8 +78,8 @@ def test_a_method_that_is_asked_for_easier_scenes_does_not_look_better(sampled: 
     assert "on the 2 scenes (8 poses) that these and all of the first block answered" in of_few
 
 
-def test_report_json_has_the_others_on_the_sample_too_and_says_who_stands_apart(sampled: Any) -> None:
-    first, few = sampled[0]["same_scenes"]
+def test_report_json_has_the_others_on_the_sample_too_and_says_who_stands_apart() -> None:
+    first, few = sampled()[0]["same_scenes"]
 
     assert [(b["scenes"], b["poses"], b["apart"]) for b in (first, few)] == [
         (6, 24, []),
