@@ -173,8 +173,13 @@ class ExudynModel(ExudynSystem):
             RowMap(constraint=line.name, row=line.row, engine_row=at, factor=line.factor, form=line.form)
             for at, line in zip(self.live, self.lines, strict=True)
         )
-        pairs = zip(self.live, self.lines, strict=True)
+        pairs = list(zip(self.live, self.lines, strict=True))
         self._driven = [(at, line, line.law) for at, line in pairs if line.what == "length" and line.law is not None]
+        pins = [(at, line) for at, line in pairs if line.what == "d" and line.law is None]
+        moved = [(at, line) for at, line in pairs if line.what or line.law is not None]
+        self._others = [pair for pair in moved if pair not in pins]
+        self._pins, self._ends = [at for at, _ in pins], self.read.ends([line for _, line in pins])
+        self._factors = np.array([line.factor for _, line in pins])
         self.powers = np.array([line.power for line in self.lines])
         self.begin(redundant=len(self.live) > 3 * len(bodies))
 
@@ -227,7 +232,10 @@ class ExudynModel(ExudynSystem):
         return moved
 
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once."""
+        """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once.
+
+        The rows of pins, which most are, are taken all together, too.
+        """
         place, move, read = self.data.SetODE2Coordinates, self.data.SetODE2Coordinates_t, self.read.now
         states = []
         for at, rate in zip(q, qd, strict=True):
@@ -236,9 +244,10 @@ class ExudynModel(ExudynSystem):
             states.append(read())
         self.read.keep(states)
         laws, out = self.clock.over(t, 2), np.zeros((len(t), self.m))
-        for at, line in zip(self.live, self.lines, strict=True):
-            if line.what or line.law is not None:
-                out[:, at] = -line.factor * self.read.bend(line, NO_LAW if line.law is None else laws[line.law])
+        i, j = map(self.read.at, self._ends)
+        out[:, self._pins] = (i - j) * self._factors
+        for at, line in self._others:
+            out[:, at] = -line.factor * self.read.bend(line, NO_LAW if line.law is None else laws[line.law])
         return out
 
     def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:

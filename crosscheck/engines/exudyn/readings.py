@@ -68,14 +68,19 @@ class Readings:
     def __init__(self, mbs: Any, bodies: Mapping[str, Any]) -> None:
         self._output, self._bodies = mbs.GetObjectOutputBody, bodies
         self._calls: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+        self._slots: dict[tuple[Any, ...], slice] = {}
         self._read: dict[tuple[Any, ...], Array] = {}
+        self._all, self._width = np.zeros((0, 3)), 0
 
     def ask(self, row: ExudynRow) -> None:
         """Ask for what a row's second derivative is made of."""
         for body, u in row.ends:
             for kind in KINDS[row.what] if body != GROUND else ():
                 point = ORIGIN if kind in OF_BODY else u
-                self._calls[body, kind, point] = self._bodies[body], kind, point
+                if (body, kind, point) not in self._calls:
+                    self._calls[body, kind, point] = self._bodies[body], kind, point
+                    first, self._width = self._width, self._width + (9 if kind is OUT.RotationMatrix else 3)
+                    self._slots[body, kind, point] = slice(first, self._width)
 
     def now(self) -> list[Array]:
         """Return all that was asked for, at the present state."""
@@ -83,8 +88,24 @@ class Readings:
         return [output(*call) for call in self._calls.values()]
 
     def keep(self, states: Sequence[list[Array]]) -> None:
-        """Take in what was read at B states."""
-        self._read = dict(zip(self._calls, map(np.array, zip(*states, strict=True)), strict=False))
+        """Take in what was read at B states, with zeros after it."""
+        nothing, still = np.empty(0), np.zeros(3)
+        parts = [part for state in states for part in (*state, still)]
+        self._all = np.concatenate((nothing, *parts)).reshape(-1, self._width + 3)
+        self._read = {call: self._all[:, slot] for call, slot in self._slots.items()}
+
+    def ends(self, rows: Sequence[ExudynRow]) -> tuple[Array, Array]:
+        """Return where `at` finds components "d" of the accelerations of either end of rows; of the ground zeros."""
+        rest = slice(self._width, None)
+        found = [
+            [self._slots.get((b, OF_POINT[2], u), rest).start + row.component for b, u in row.ends] for row in rows
+        ]
+        i, j = np.array(found, int).reshape(-1, 2).T
+        return i, j
+
+    def at(self, places: Array) -> Array:
+        """Return numbers (B, R) of all that was read, at such places (R,)."""
+        return self._all.take(places, axis=1)
 
     def bend(self, row: ExudynRow, f: Sequence[Array]) -> Array:
         """Return the second derivative (B,) of what a row says at qdd = 0; f are its law and two derivatives, (B,)."""
@@ -121,7 +142,7 @@ class Readings:
             return u, np.zeros(3), np.zeros(3)
         w, turned = self._of_body(body, OF_BODY[1]), self._of_body(body, OF_BODY[0]).reshape(-1, 3, 3)
         n = np.sum(turned * u[..., None, :], axis=-1)
-        return n, np.cross(w, n), w * dot(w, n)[:, None] - dot(w, w)[:, None] * n
+        return n, _cross(w, n), w * dot(w, n)[:, None] - dot(w, w)[:, None] * n
 
     def _of_body(self, body: str, kind: Any) -> Array:
         """Return what was read of a body; of the ground that it does not turn."""
@@ -135,4 +156,10 @@ def product(a: Jet, b: Jet) -> Array:
 
 def dot(a: Array, b: Array) -> Array:
     """Return the scalar products."""
-    return np.sum(a * b, axis=-1)
+    return np.add.reduce(a * b, axis=-1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the vector products: of few vectors a call of NumPy's takes several times as long."""
+    left, right = (1, 2, 0), (2, 0, 1)
+    return a.take(left, axis=-1) * b.take(right, axis=-1) - a.take(right, axis=-1) * b.take(left, axis=-1)
