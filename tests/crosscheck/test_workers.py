@@ -123,7 +123,7 @@ def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp
 
 
 def test_workers_killed_one_after_the_other_change_nothing(tmp_path, undisturbed):
-    spec = engine_file(tmp_path, before="time.sleep(0.15)")
+    spec = engine_file(tmp_path, before="time.sleep(0.4)")
     records = []
     with checkers(2, {"closed_form": "closed_form", "fake": spec}) as workers:
         todo = jobs(NIGHT, COUNT)
