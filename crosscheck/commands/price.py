@@ -216,7 +216,7 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         out.append(f"a cycle has {times['priced']} of the scene's {times['asked']} times, evenly spread")
     if times["certified"] < times["priced"]:
         without = f"{times['priced'] - times['certified']} of {times['priced']} times"
-        out.append(f"{without} have no certified truth: nobody is asked there")
+        out.append(f"{without} are outside the longest run with a certified truth: nobody is asked there")
     if unasked := {(r["engine"], called(r["method"], r["setting"])) for r in result["rows"] if r.get("unasked_bulk")}:
         names = "; ".join(": ".join(name) for name in sorted(unasked))
         out.append(f"in bulk may be cheaper, but there was no time to ask: {names}")

@@ -24,6 +24,7 @@ H = 1e-100
 OFF = 1e-9
 """What rounding leaves of a derivative is far below this part of the largest number in it, and a wrong term above."""
 BETWEEN = 0.382
+"""Where between the first time and the last formulas are held to each other, as a part of the way."""
 WRITTEN = "formulas add, subtract, multiply, and take sines and cosines by refkin.vec.cosine_and_sine"
 
 

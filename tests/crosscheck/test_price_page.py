@@ -142,7 +142,7 @@ def test_the_terminal_tells_crashes_and_what_was_left_out():
     text = lines(price_list(times=361, asked=1000, known=360))
 
     assert "a cycle has 361 of the scene's 1000 times, evenly spread" in text
-    assert "1 of 361 times have no certified truth: nobody is asked there" in text
+    assert "1 of 361 times are outside the longest run with a certified truth: nobody is asked there" in text
     assert "mujoco, mj_step, crash: its process ended" in text
 
 

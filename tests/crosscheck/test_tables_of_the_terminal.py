@@ -93,7 +93,7 @@ def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
 
     assert said[4:] == [
         "a cycle has 73 of the scene's 80 times, evenly spread",
-        "3 of 73 times have no certified truth: nobody is asked there",
+        "3 of 73 times are outside the longest run with a certified truth: nobody is asked there",
         *(
             f"{price.POSES[k]}: nothing was timed, for want of time or of several times in the scene"
             for k in ("one", "bulk")
