@@ -126,7 +126,7 @@ def sweep(scene: Scene) -> Motion:
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
-    evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
+    evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": None}
     made = Producer.of_refkin("refkin.analysis", ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
     return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made, message=message, **evidence)
@@ -214,9 +214,9 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
     def called_for(rows: Any) -> list[Any]:
         return [level[rows] if want else None for level, want in zip(levels, wanted, strict=True)]
 
-    radii = zip(vars(evidence["certified_radius"]).items(), wanted, strict=True)
-    asked = Evidence.CERTIFICATE in scene.evidence
-    kept = {name: radius if asked and want else nowhere(len(t)) for (name, radius), want in radii}
+    proved = evidence["certified_radius"] if Evidence.CERTIFICATE in scene.evidence else None
+    radii = zip(vars(proved or no_radius(len(t))).items(), wanted, strict=True)
+    kept = {name: radius if want else nowhere(len(t)) for (name, radius), want in radii}
     evidence["certified_radius"] = CertifiedRadius(**kept)
     points, contacts = {}, {}
     for point in scene.points:

@@ -24,7 +24,7 @@ from refkin.joints.elements import Triple
 from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
-from refkin.motion import SINGULAR, CertifiedRadius, Motion, Producer, Route, Seeding, Status, no_radius, nowhere
+from refkin.motion import SINGULAR, CertifiedRadius, Motion, Producer, Route, Seeding, Status, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
@@ -71,10 +71,11 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
         return None
     levels, off = corrected, residual(ready.checked, corrected[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
-    if not closed or not all(math.isfinite(level.sum()) for level in levels):
+    if not closed or not all(math.isfinite(rates.sum()) for rates in levels[1:]):
         return None
-    levels = without_spin(system, _by_pivots(system, levels, t, np.flatnonzero(~(pivot > CLEAR))))
-    evidence = _evidence(scene, system, ready.made, levels, t, pivot)
+    near = np.flatnonzero(~(pivot > CLEAR))
+    levels = without_spin(system, _by_pivots(system, levels, t, near))
+    evidence = _evidence(scene, system, ready.made, levels, t, near)
     if evidence is None:
         return None
     sigma_min, condition, radius, covered = evidence
@@ -155,19 +156,20 @@ def _still(line: Any, q: Any, rates: Any, spin: Any = None) -> tuple[tuple[Any, 
 
 
 def _evidence(
-    scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, pivot: Any
-) -> tuple[Any, Any, CertifiedRadius, str] | None:
-    """Return smallest singular value, condition, certified radii and what these cover; None if they fail a pose."""
-    count = len(t)
+    scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, near: Any
+) -> tuple[Any, Any, CertifiedRadius | None, str] | None:
+    """Return smallest singular value, condition, certified radii, what these cover; None if a pose fails, or may."""
+    count, asked = len(t), Evidence.CONDITION in scene.evidence
     sigma_min, condition = nowhere(count), nowhere(count)
     proved = Evidence.CERTIFICATE in scene.evidence
-    if not proved and not has_digits(system, levels[0], t).all():
+    if proved and near.size:
+        return None  # there the reference also proves that the branch was never changed
+    if not proved and not has_digits(system, np.max(np.abs(levels[0]), axis=1, keepdims=True), np.max(np.abs(t))).all():
         return None
-    asked = Evidence.CONDITION in scene.evidence
-    near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
-    if near.size and (asked or not proved):
-        here = system.held_at(levels[0][:, near])
-        slope = np.moveaxis(here.phi_q(levels[0][:, near], t[near]), -1, 0)
+    if asked or near.size:
+        at = np.arange(count) if asked else near
+        here = system.held_at(levels[0][:, at])
+        slope = np.moveaxis(here.phi_q(levels[0][:, at], t[at]), -1, 0)
         sigma = np.linalg.svd(slope, compute_uv=False)
         smallest = sigma[:, system.n - 1]
         if not proved and not (smallest > SINGULAR).all():
@@ -175,12 +177,10 @@ def _evidence(
         if asked:
             with np.errstate(divide="ignore"):
                 sigma_min, condition = smallest, sigma[:, 0] / smallest
-    if proved and not (pivot > CLEAR).all():
-        return None  # there the reference also proves that the branch was never changed
     if proved:
         certified = _certified(system, made, levels, t)
         return None if certified is None else (sigma_min, condition, *certified)
-    return sigma_min, condition, no_radius(count), ""
+    return sigma_min, condition, None, ""
 
 
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> tuple[CertifiedRadius, str] | None:

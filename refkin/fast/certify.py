@@ -93,9 +93,10 @@ def zeros_of(geometry: Sequence[Sequence[Any]]) -> Known:
 
 def proved(space: Workspace, laws: Mapping[int, Any]) -> Any:
     """Return the radii of the given levels, (levels, samples), NaN where nothing is proved."""
-    space.give_laws(laws)
-    space.run("newton")
-    space.run("answer")
+    with np.errstate(all="ignore"):  # what is not finite is not proved
+        space.give_laws(laws)
+        space.run("newton")
+        space.run("answer")
     gamma, bounds = space.level(0)[0], space.level(0)[1:] * UP + TINY
     bounds[:, ~((gamma * UP <= LARGEST_GAMMA) & np.isfinite(bounds).all(axis=0))] = np.nan
     return bounds

@@ -125,10 +125,9 @@ class Workspace:
         return self._rows["w"][number]
 
     def run(self, segment: str) -> None:
-        """Run one segment on all samples; divisions by 0 and the like are not reported but show in their samples."""
-        with np.errstate(all="ignore"):
-            for function, args in self._calls[segment]:
-                function(*args)
+        """Run one segment on all samples; what becomes of a division by 0 and the like shows in its sample."""
+        for function, args in self._calls[segment]:
+            function(*args)
 
     def _bound(self, instruction: Instruction) -> Call:
         op, args = instruction.op, [*map(self._row, instruction.args)]

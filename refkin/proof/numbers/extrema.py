@@ -71,7 +71,7 @@ def extrema(law: Law, a: float, b: float) -> list[float]:
         return _of_sine(law, a, b)
     if isinstance(law, Table):
         return _of_spline(law, a, b)
-    raise TypeError(f"the extrema of a {type(law).__name__} are not known")
+    raise TypeError(f"law: expected a Polynomial, Sinusoid, Table or Integral of one, got a {type(law).__name__}")
 
 
 def hides(law: Law, a: float, b: float) -> bool:

@@ -99,8 +99,9 @@ def solved(numbers, right):
         pivots=[block.pivot],
     )
     space = Workspace(schedule(solution, graph, [range(size + 1)], half_angles=False), numbers.shape[2])
-    space.give_laws({0: [[*numbers.reshape(size * size, -1), *right]]})
-    space.run("answer")
+    with np.errstate(all="ignore"):
+        space.give_laws({0: [[*numbers.reshape(size * size, -1), *right]]})
+        space.run("answer")
     out = space.program.outputs
     return space.level(0)[:size].copy(), space.row(out.determinants[0]).copy(), space.row(out.pivots[0]).copy()
 

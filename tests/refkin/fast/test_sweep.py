@@ -395,10 +395,10 @@ def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():
     system = system_of(scene)
     poses = [np.concatenate([linkage.assemble(angle)[b.name] for b in scene.mechanism.bodies]) for angle in (0.5, 0.0)]
     q = np.array([system.to_unit(pose) for pose in poses]).T
-    undecided = np.zeros(2)
+    times, near = np.array(scene.times), np.arange(2)
 
-    assert answer._evidence(scene, system, None, [q[:, :1]], np.array(scene.times[:1]), undecided[:1]) is not None
-    assert answer._evidence(scene, system, None, [q], np.array(scene.times), undecided) is None
+    assert answer._evidence(scene, system, None, [q[:, :1]], times[:1], near[:1]) is not None
+    assert answer._evidence(scene, system, None, [q], times, near) is None
 
 
 def test_a_linkage_in_another_unit_gives_the_same_bits():
