@@ -161,9 +161,9 @@ class System:
         """Yield the blocks of phi_q that are not the ground's: whose each is, where its columns start, its rows."""
         for p in self.placed:
             own = (c := p.constraint).jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
-            for start, block in zip(p.starts, _counted(c, own, len(p.starts), "blocks"), strict=True):
-                if start is not None:
-                    width = self.kind.width if np.max(start) < self.of_bodies else 1
+            for k, block in enumerate(_counted(c, own, len(p.starts), "blocks")):
+                if (start := p.starts[k]) is not None:
+                    width = self.kind.width if k < len(c.bodies) else 1
                     yield p, start, [_counted(c, row, width, "columns") for row in _counted(c, block, c.rows, "rows")]
 
     def _called_for(self, effect: Effect) -> None:
