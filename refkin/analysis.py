@@ -214,9 +214,8 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
     def called_for(rows: Any) -> list[Any]:
         return [level[rows] if want else None for level, want in zip(levels, wanted, strict=True)]
 
-    proved = evidence["certified_radius"] if Evidence.CERTIFICATE in scene.evidence else None
-    radii = zip(vars(proved or no_radius(len(t))).items(), wanted, strict=True)
-    kept = {name: radius if want else nowhere(len(t)) for (name, radius), want in radii}
+    radii = vars((Evidence.CERTIFICATE in scene.evidence and evidence["certified_radius"]) or no_radius(len(t)))
+    kept = {name: radii[name] if want else nowhere(len(t)) for name, want in zip(radii, wanted, strict=True)}
     evidence["certified_radius"] = CertifiedRadius(**kept)
     points, contacts = {}, {}
     for point in scene.points:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json, SceneFile, positive, print_numbers, writable
 from crosscheck.errors import UsageError, naming
-from refkin.errors import UnknownName
+from refkin.errors import InvalidRequest, UnknownName
 from refkin.model import Scene
 from refkin.motion import BodyMotion
 from refkin.output.tables import wide
@@ -137,8 +137,11 @@ def print_path(
         driven = read if parameter == TIME else driven_by(read, parameter)
     except UnknownName as error:
         raise UsageError(str(error)) from error
-    choose = straight_on if through else None
-    path = follow(driven, direction=-1 if backwards else 1, until=until, choose=choose, most_points=most_points)
+    how: dict[str, Any] = {"direction": -1 if backwards else 1, "choose": straight_on if through else None}
+    try:
+        path = follow(driven, until=until, most_points=most_points, **how)
+    except InvalidRequest as error:
+        raise UsageError(f"--{error}" if error.argument == "until" else str(error)) from error
     if csv is not None:
         with naming(csv):
             path.to_csv(csv)

@@ -41,6 +41,7 @@ from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from crosscheck.scenes.names import QUANTITIES
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
+from refkin.proof.numbers.bounded import Times, bounded_system
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
 
@@ -50,6 +51,8 @@ BOTH_SIDES = 2.0
 STEP = 1e-100
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
+UNEVEN = 4.0
+"""Steps between a table's arguments that differ by more are uneven."""
 
 
 @dataclass(frozen=True)
@@ -322,7 +325,8 @@ def table_error(system: System, t: Any, order: int) -> Any:
 
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
     u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
-    the solve, 4 terms of the cubic, rounded up.
+    the solve, 4 terms of the cubic, rounded up. Where steps between arguments differ by more than `UNEVEN` times, the
+    spline that engines are given is held against the exact one instead: an error is carried from step to step.
 
     Parameters
     ----------
@@ -333,15 +337,20 @@ def table_error(system: System, t: Any, order: int) -> Any:
         0 for the residual, 1 for nu, 2 for gamma.
     """
     out = np.zeros((system.m, len(t)))
-    for p in system.placed:
-        for law, scaled in zip(p.constraint.laws, p.constraint.inputs(t, system.unit, 0), strict=True):
+    for k, p in enumerate(system.placed):
+        given = p.constraint.inputs(t, system.unit, order)
+        for n, (law, scaled) in enumerate(zip(p.constraint.laws, given, strict=True)):
             table = getattr(law, "rate", law)
             if isinstance(table, Table):
                 size = np.max(np.abs(table.value)) / p.constraint.law_scale(system.unit)[1]
-                finest = np.min(np.diff(table.argument))
-                depth = order if table is law else order - 1
+                steps = np.diff(table.argument)
+                off = 32 * U * size / np.min(steps) ** (order if table is law else order - 1)
+                if np.max(steps) > UNEVEN * np.min(steps):
+                    bounded: Any = bounded_system(system).placed[k].constraint
+                    high, low, rest = Times(t, order).values(bounded.exact, system.unit)[n][order]
+                    off = off + 2 * (np.abs(scaled[order] - high - low) + rest)  # 2: it is carried to first order
                 # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
-                out[p.row] += 32 * U * size / finest**depth * np.maximum(1.0, np.abs(scaled[0]))
+                out[p.row] += off * np.maximum(1.0, np.abs(scaled[0]))
     return out
 
 

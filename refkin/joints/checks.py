@@ -101,7 +101,7 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
             yield Fault(f"bodies_wanted[{k}]", body, "each body once")
     if strange := [*_type_faults("point", scene.points)]:
         return (yield from strange)
-    yield from _name_faults("point", scene.points)
+    yield from _name_faults("point", scene.points, names)
     yield from _finite_faults("point", tuple(scene.points))
     for k, point in enumerate(scene.points):
         yield from _count_faults(f"point[{k}].position", point.position, kind_of(scene.mechanism).dimension)

@@ -144,7 +144,7 @@ class YDriver(CoordinateDriver):
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceDriver(Driver, BetweenPoints):
-    """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0 (J16)."""
+    """The distance of two points follows |f(t)| [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0 (J16)."""
 
     type: Literal["distance"] = "distance"
 

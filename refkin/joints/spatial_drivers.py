@@ -120,7 +120,7 @@ class DisplacementDriver(JointDriver):
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialDistanceDriver(BetweenSpatialPoints, Driver):  # type: ignore[override]
-    """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
+    """The distance of two points follows |f(t)| [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
 
     type: Literal["distance"] = "distance"
     formulas = (Span(law=True),)

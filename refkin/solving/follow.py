@@ -217,8 +217,8 @@ def follow(
     if q is None:
         return _Continuation(frames, None, limits).path(Trace(), message)
     q = frames.inward(q)
-    known = list(ends(system.mechanism.constraints))
-    within = max(limits[0], *(low for _, low, _ in known)), min(limits[1], *(high for *_, high in known))
+    known = [*((low, high) for _, low, high in ends(system.mechanism.constraints)), limits]
+    within = max(low for low, _ in known), min(high for _, high in known)
     curve = Curve.through(frames.inner, q, np.linspace(*within, 9) if np.isfinite(within).all() else [t])
     continuation, unit = _Continuation(frames, curve, within), curve.scale[-1]
     if not unit > 0.0:

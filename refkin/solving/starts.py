@@ -6,6 +6,7 @@ And what kind of pose it, or a given one, is: `proof.singularity`, by the scene'
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +22,6 @@ from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.search import PRIMES, SAME, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
-from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.singularity.diagnosis import Diagnosis, diagnose_scaled
 from refkin.solving.steps import APART
@@ -70,21 +70,18 @@ def find_start(system: System, scene: Scene) -> Start:
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first.q, t):
             return Start(Status.OK, first.q)
         search = assemblies(system, t)
-        own = None if missing or search.complete or not (first.converged and _is_root(system, first.q, t)) else first.q
+        own = None if missing or search.complete or not _contradicted(system, first, t) <= 1.0 else first.q
         if search.poses:
             return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
-        rounding = search.gap is not None and search.gap <= A_FEW_ROUNDINGS.relative
-        if search.gap is not None and not rounding:
+        if search.unassemblable:
             return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))
         q, how, smallest = _far(system, t, estimate, first)
-    if q is None and search.gap is not None:
-        return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))
     if q is None:
         why = f"{search.message}; smallest scaled residual {smallest:.3g}"
         return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
-    if rounding:
+    if search.gap is not None:
         return Start(Status.OK, q, f"{search.message}: less than rounding of the numbers explains")
-    return Start(Status.OK, q, f"the estimate was far: {how} found an assembly at t = {t:g}")
+    return Start(Status.OK, q, how)
 
 
 def in_form(mechanism: Mechanism, form: str) -> Mechanism:
@@ -106,24 +103,35 @@ def _meant(scene: Scene) -> Scene:
 
 
 def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str, float]:
-    """Return an assembly and what found it, from a far estimate; else None, and the smallest residual of all tries.
+    """Return an assembly from a far estimate, and what found it; else None, and the smallest residual of all tries.
 
-    Where Newton and least squares end at a pose that is no root (a singular phi_q, a minimum), new estimates are taken:
-    the angles turned by a fixed sequence.
+    Where all that is found is a pose of some of the redundant rows, which the others contradict, it is that.
     """
-    if first.converged and _is_root(system, first.q, t):
-        return first.q, "Newton", first.residual
-    smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
+    smallest, of_some = float(np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))), None
+    for found, how in _tries(system, t, estimate, first):
+        size = _contradicted(system, found, t)
+        if size <= 1.0:
+            return found.q, f"the estimate was far: {how} found an assembly at t = {t:g}", found.residual
+        if size < np.inf and of_some is None:
+            of_some = (
+                found.q,
+                f"no assembly was found at t = {t:g}: {how} found a pose of some of the redundant rows",
+            )
+        smallest = float(np.nanmin([smallest, found.residual]))
+    return (*(of_some or (None, "")), smallest)
+
+
+def _tries(system: System, t: float, estimate: Any, first: NewtonResult) -> Iterator[tuple[NewtonResult, str]]:
+    """Yield what Newton, damped Newton and least squares make of the estimate, and what each is called.
+
+    They may end at a pose that is no root (a singular phi_q, a minimum): then new estimates are taken, the angles
+    turned by a fixed sequence.
+    """
+    yield first, "Newton"
     for k in range(NEW_ESTIMATES + 1):
         start, new = _new_estimate(system, estimate, k, t) if k else estimate, " from a new estimate" if k else ""
-        damped = position(system, start, t, damped=True, max_iterations=30)
-        if damped.converged and _is_root(system, damped.q, t):
-            return damped.q, f"damped Newton{new}", damped.residual
-        least = least_squares(system, start, t)
-        if least.converged and _is_root(system, least.q, t):
-            return least.q, f"least squares{new}", least.residual
-        smallest = np.nanmin([smallest, damped.residual, least.residual])
-    return None, "", float(smallest)
+        yield position(system, start, t, damped=True, max_iterations=30), f"damped Newton{new}"
+        yield least_squares(system, start, t), f"least squares{new}"
 
 
 def _new_estimate(system: System, estimate: Any, k: int, t: float) -> Any:
@@ -147,9 +155,17 @@ def _leads_to_one(system: System, q: Any, t: float) -> bool:
     return bool(sigma_min(jacobian) > SINGULAR)
 
 
-def _is_root(system: System, q: Any, t: float) -> bool:
-    """Whether Newton ended at a root: by its residual, or, where a row is divided by a small number, by proof."""
-    return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
+def _contradicted(system: System, found: NewtonResult, t: float) -> float:
+    """Return by how many times what rounding explains redundant rows contradict a root; inf if it is none.
+
+    It is one by its residual, or, where a row is divided by a small number, by proof: of rows that serve.
+    """
+    if not found.converged:
+        return math.inf
+    if closes(system, found.q, t):
+        return 0.0
+    proof = isolate(system, found.q[:, None], [t])
+    return float(proof.contradiction[0, 0]) if proof.ok[0] else math.inf
 
 
 def unassemblable(system: System, search: Assemblies) -> str:

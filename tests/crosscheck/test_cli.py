@@ -532,6 +532,10 @@ def test_times_without_a_pose_are_told_once_and_not_as_rows_of_nan(command, tmp_
         (("solve", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--until", "nan", "1"), "--until: expected two different finite values, got nan and 1.0"),
+        (
+            ("follow", GOOD, "--until", "80", "90"),
+            "--until: expected two values that t = 0, where the path begins, is between, got (80.0, 90.0)",
+        ),
         (("follow", GOOD, "--most-points", "-3"), "--most-points: expected a number above 0, got -3"),
         (("draw", GOOD, "--out", "/no/x.svg"), "--out: expected a file in a folder that exists, got /no/x.svg"),
         (("animate", GOOD, "--seconds", "nan"), "--seconds: expected a number above 0, got nan"),

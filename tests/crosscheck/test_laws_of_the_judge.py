@@ -59,6 +59,7 @@ from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
 from refkin.motion import Status
+from refkin.motion_laws import Integral
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.linkages import RSSR
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
@@ -199,6 +200,17 @@ def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
 
     assert off[row] / (32 * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
     assert not np.delete(off, row, axis=0).any()
+
+
+@pytest.mark.parametrize("rate", [False, True])
+def test_a_table_of_uneven_steps_is_allowed_what_its_spline_is_off(rate):
+    """With arguments 0.01 apart between others 7 apart SciPy's spline is off by 5e-11: all engines were wrong alike."""
+    table = Table(argument=(0.0, 1.0, 1.01, 8.0), value=(0.0, 1.0, 1.01, 2.0))
+    law = Integral(rate=table) if rate else table
+    record = check(LINKAGE.scene(law=law, times=tuple(np.linspace(0.0, 6.0, 9).tolist())), ["closed_form"])
+
+    assert not record.disagreements
+    assert 0.05 < record.answers[0].quantities["position"].ratio < 0.75
 
 
 def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate():

@@ -13,6 +13,7 @@ import refkin
 from refkin import (
     AngleDriver,
     Body,
+    Distance,
     DistanceDriver,
     FourBar,
     Mechanism,
@@ -70,6 +71,15 @@ def test_a_path_that_begins_where_it_may_not_go_on_is_one_pose(direction, until)
     path = refkin.follow(driven(ROCKER), direction=direction, until=until)
 
     assert path.t.tolist() == [0.5]
+
+
+def test_what_no_law_moves_stays_where_it_is():
+    m = ROCKER.scene().mechanism
+    rod = Distance(name="rod", body_i="ground", point_i=(0.0, 1.0), body_j="crank", point_j=(0.5, 0.0), length=1.2)
+    path = refkin.follow(refkin.Scene(mechanism=replace(m, joints=(*m.joints, rod), drivers=()), times=(0.0, 1.0)))
+
+    assert path.t[-1] == 1.0
+    assert np.ptp(path.q, axis=1).max() < 1e-12
 
 
 @pytest.mark.parametrize("until", [(0.6, 2.0), (-2.0, 0.4)])

@@ -117,6 +117,9 @@ ELSEWHERE = {
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
     "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
+    "no assembly was found at t = {}: {} found a pose of some of the redundant rows": (
+        "space/test_unseen_scenes.py: some_of_the_redundant"
+    ),
     "{}: Newton's, {} found": "test_messages.py: an_assembly_that_alone_was_found",
     "nearer than {} others": "test_messages.py: an_assembly_that_alone_was_found",
     "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",

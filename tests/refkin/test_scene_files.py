@@ -130,6 +130,10 @@ BROKEN = {
     "name twice": (put("body", 1, "name", "crank"), "body[1].name: expected a name not used before, got 'crank'"),
     "empty name": (put("joint", 0, "name", ""), "joint[0].name: "),
     "body called ground": (put("body", 0, "name", "ground"), "body[0].name: "),
+    "point named like a body": (
+        put("point", [{"name": "coupler", "body": "crank", "position": [1.0, 0.0]}]),
+        "point[0].name: expected a name not used before, got 'coupler'",
+    ),
     "driver named like a joint": (put("driver", 0, "name", "A0"), "driver[0].name: "),
     "estimate too short": (put("body", 0, "estimate", [0.5, 0.0]), "body[0].estimate"),
     "unknown joint type": (put("joint", 0, "type", "revolut"), "joint[0].type: "),

@@ -207,7 +207,8 @@ def test_a_far_estimate_leads_to_an_assembly_only_where_newton_converged_and_the
     system = compile_system(ROCKER.scene().mechanism)
     end = SimpleNamespace(converged=converged, q=np.zeros(system.n), residual=0.5, residuals=np.ones((1, system.m)))
     least = SimpleNamespace(converged=False, q=end.q, residual=0.5)
-    for name, value in (("position", end), ("least_squares", least), ("_is_root", closed)):
+    nothing = SimpleNamespace(ok=[False])
+    for name, value in (("position", end), ("least_squares", least), ("closes", closed), ("isolate", nothing)):
         monkeypatch.setattr(starting, name, lambda *_, value=value, **__: value)
 
     assert starting._far(system, 0.0, np.zeros(system.n), end) == (None, "", 0.5)

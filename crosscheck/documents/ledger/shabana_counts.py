@@ -155,10 +155,10 @@ def _velocities(axis_j: Triple, at_j: Triple, touched: Triple) -> Any:
     )
     bodies = (Body(name="wheel i", estimate=STILL), Body(name="wheel j", estimate=(*at_j, 1.0, 0.0, 0.0, 0.0)))
     places = {"wheel i": touched, "wheel j": tuple(np.subtract(touched, at_j).tolist())}
-    points = tuple(Point(name=body, body=body, position=place) for body, place in places.items())
+    points = tuple(Point(name=f"touch on {body}", body=body, position=place) for body, place in places.items())
     mechanism = Mechanism(bodies, axles, (_turned_by("i", spun), _turned_by("j", spun)))
     motion = solve(Scene(mechanism=mechanism, times=(0.0,), points=points))
-    return np.array([motion.points[body].v[:, 0] for body in places])  # type: ignore[index]
+    return np.array([motion.points[point.name].v[:, 0] for point in points])  # type: ignore[index]
 
 
 def refkin_d22(n: Binary64, given: Given) -> Values:

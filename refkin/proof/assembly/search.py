@@ -30,6 +30,7 @@ from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.loci import Ball, above, below, interval, whole
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
+from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 
@@ -87,8 +88,8 @@ class Assemblies:
 
     @property
     def unassemblable(self) -> bool:
-        """Whether it is proved that there is no assembly."""
-        return self.gap is not None
+        """Whether it is proved that there is no assembly, and more is missing than rounding of the numbers explains."""
+        return self.gap is not None and self.gap > A_FEW_ROUNDINGS.relative
 
 
 def none_of(ends: Sequence[DeadEnd]) -> Assemblies:

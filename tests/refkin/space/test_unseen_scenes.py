@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation
 
 import refkin
 from refkin import fast
+from refkin.joints import SpatialAngleDriver, SpatialDistance, SpatialRevolute
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack, Stewart
 from tests.refkin.space import random_starts
@@ -168,3 +170,38 @@ def test_two_motors_that_part_lock_the_pose_they_agree_on_and_no_pose_that_is_no
     assert motion.status == (Status.LOCKED, Status.BRANCH_LOST), "no step leads to where they are 0.7 rad apart"
     assert np.isfinite(motion.q[:, 0]).all()
     assert np.isnan(motion.q[:, 1]).all()
+
+
+def hinge(name: str, at: float, x: float = 0.0) -> SpatialRevolute:
+    """Return a hinge about z at the height `at`, and `x` beside where the body has it."""
+    frames = {f"{key}_{side}": v for side in "ij" for key, v in (("axis", (0.0, 0.0, 1.0)), ("zero", (1.0, 0.0, 0.0)))}
+    return SpatialRevolute(name=name, body_i="ground", point_i=(x, 0.0, at), body_j="b", point_j=(0, 0, at), **frames)
+
+
+@pytest.mark.parametrize(("side", "longer"), [(1.0, 0.0), (-1.0, 0.0), (1.0, 1e-3)])
+def test_a_pose_of_some_of_the_redundant_rows_is_no_assembly_where_there_is_another(side, longer):
+    """A crank on two rods that are not quite in its plane: mirrored it misses by 0.008, and was proved not to meet."""
+    place = (math.cos(0.5), math.sin(0.5), 0.0)
+    rods = [
+        SpatialDistance(
+            name=f"{x}", body_i="ground", point_i=p, body_j="b", point_j=(1, 0, 0), length=math.dist(p, place) + more
+        )
+        for x, p, more in ((3, (3.0, 0.0, 0.0), 0.0), (4, (4.0, 0.1, 0.0), longer))
+    ]
+    body = Body(name="b", estimate=(0, 0, 0, math.cos(0.25), 0, 0, side * math.sin(0.25)))
+    motion = refkin.solve(Scene(mechanism=Mechanism((body,), (hinge("h", 0.0), *rods)), times=(0.0,)))
+
+    assert motion.verdict is (Status.UNASSEMBLABLE if longer else Status.OK), motion.message
+    assert ("found a pose of some of the redundant rows" in motion.message) is bool(longer)
+    assert longer or math.atan2(motion.q[6, 0], motion.q[3, 0]) == pytest.approx(0.25)
+
+
+def test_a_gap_that_rounding_explains_proves_nothing_at_any_time():
+    """Of a door whose hinges are 1e-16 apart, and whose law turns back too often to be followed."""
+    law = Sinusoid(amplitude=1.0, angular_frequency=1e9)
+    driver = SpatialAngleDriver(name="d", joint="low", law=law)
+    door = Mechanism(
+        (Body(name="b", estimate=(0, 0, 0, 1, 0, 0, 0.1)),), (hinge("low", 0), hinge("high", 1, 1e-16)), (driver,)
+    )
+
+    assert refkin.solve(Scene(mechanism=door, times=(0.0, 1.0))).status == (Status.OK, Status.NOT_CONVERGED)
