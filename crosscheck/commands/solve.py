@@ -74,6 +74,10 @@ def to_json(scene: Scene, motion: Motion) -> dict[str, Any]:
             for body in motion.bodies
         },
         "points": {name: _called_for(r=p.r, v=p.v, a=p.a) for name, p in motion.points.items()},
+        "contacts": {
+            name: {order: numbers(level) for order, level in vars(contact).items() if level is not None}
+            for name, contact in motion.contacts.items()
+        },
         "residual": numbers(motion.residual),
         "sigma_min": numbers(motion.sigma_min),
         "condition": numbers(motion.condition),

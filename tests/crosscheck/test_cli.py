@@ -550,6 +550,13 @@ def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_co
     assert ended.stderr == f"{said}\n"
 
 
+def test_contacts_are_printed_with_the_poses(command):
+    scene = ROOT / "docs" / "scenes" / "cam.toml"
+    printed = json.loads(command("solve", scene, "--json").stdout)
+
+    assert printed["contacts"]["touch"] == {"s": refkin.solve(refkin.load(scene)).contacts["touch"].s.tolist()}
+
+
 def test_every_command_that_takes_engines_takes_them_by_one_option():
     """A list of names separated by commas, or `file.py:Class`; whatever is always asked besides."""
     taken = {}
