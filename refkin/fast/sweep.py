@@ -56,11 +56,12 @@ NEAR = 8.0
 def sweep(scene: Scene) -> Motion:
     """Return position and what else the scene calls for, on the branch of its estimates, as `refkin.solve` does.
 
-    The answer is that of `refkin.solve` to a few units in the last place, times the condition number. Residual and
-    condition are those of the reference's own formulas. Certificates are proved on the loops' equations (`certify`), in
-    about the time of the solution; they bound what rounding might have done, where the reference's, which cost 30 times
-    that, come near what it did: radii are about 20 times larger, 6e-15 for a four-bar. Where a time is in doubt for
-    whatever reason the whole answer is that of `refkin.solve` itself; `motion.producer` tells which it is.
+    The answer is that of `refkin.solve` to a few units in the last place, times the condition number, and to what a
+    float64 spline is off by where a table has uneven steps. Residual and condition are those of the reference's own
+    formulas. Certificates are proved on the loops' equations (`certify`), in about the time of the solution; they bound
+    what rounding might have done, where the reference's, which cost 30 times that, come near what it did: radii are
+    about 20 times larger, 6e-15 for a four-bar. Where a time is in doubt for whatever reason the whole answer is that
+    of `refkin.solve` itself; `motion.producer` tells which it is.
 
     Bodies on which nothing wanted depends are left out, unless the condition is asked for: that is said in the message,
     as a status then says nothing of them.

@@ -202,9 +202,9 @@ class Constraint:
 
     def inputs(self, t: Any, unit: Unit, order: int) -> tuple[tuple[Scalar, ...], ...]:
         """Return for each law its scaled value and derivatives up to `order` at t."""
-        (shifts, factor), rates = self.law_scale(unit), range(1, order + 1)
+        (shifts, factor), orders = self.law_scale(unit), range(order + 1)
         laws = zip(self.laws, shifts, strict=True)
-        return tuple([((law(t) - shift) / factor, *[law(t, k) / factor for k in rates]) for law, shift in laws])
+        return tuple([tuple([(law(t, k) - (0.0 if k else shift)) / factor for k in orders]) for law, shift in laws])
 
     def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
         """Return the scaled value of the profile at the parameter s, and its derivatives up to `order`."""
