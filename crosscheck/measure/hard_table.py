@@ -20,6 +20,7 @@ from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.delivery import granted, misshapen
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
+from crosscheck.measure.bench import key_of
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
 from crosscheck.workers.processes import Failure, call_each, call_in_turn
@@ -150,13 +151,9 @@ def hard_case_rows(
     known = read_findings() if findings is None else findings
     rows = list(_rows(engines, chosen, known, seconds, end, tell))
     order = {case.key: k for k, case in enumerate(hard_cases())}
-    names = list(dict.fromkeys(_name(row) for row in rows))
-    rows.sort(key=lambda row: (order[row.pop("key")], names.index(_name(row))))
+    names = list(dict.fromkeys(key_of(row) for row in rows))
+    rows.sort(key=lambda row: (order[row.pop("key")], names.index(key_of(row))))
     return rows
-
-
-def _name(row: Mapping[str, Any]) -> tuple[str, ...]:
-    return row["engine"], row["method"], row["setting"]
 
 
 def _rows(

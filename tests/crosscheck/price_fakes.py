@@ -51,8 +51,6 @@ class MadeUp(Listing):
         yield made("raises", "-", _raises)
         yield made("crashes", "-", _crashes)
         yield made("position alone", "-", partial(_moved, 0.0), highest=0)
-        yield made("slower with each order", "-", _slow)
-        yield made("all at once", "-", _slow, at_once=True)
         yield replace(made("refused", "-", _raises), build=_refuses)
 
 
@@ -120,11 +118,3 @@ def _raises(scene, order):
 
 def _crashes(scene, order):
     os.kill(os.getpid(), signal.SIGSEGV)
-
-
-def _slow(scene, order):
-    """Work for 2 ms for position, and for 4 ms more for each further level; the answer itself is known."""
-    end = time.process_time() + 0.002 + 0.004 * order
-    while time.process_time() < end:
-        pass
-    return _known(scene)

@@ -127,19 +127,6 @@ def test_no_worker_outlives_a_killed_run_though_it_hangs_where_no_python_runs(tm
     wait_until(lambda: not alive(pids_in(pids)), seconds=10.0)
 
 
-def test_a_worker_killed_by_its_pid_in_the_middle_changes_nothing(slow, undisturbed, tmp_path):
-    spec, pids = slow
-    forgotten(pids)
-    with start(*arguments(spec, tmp_path)) as night:
-        for count in (2, 5, 8):
-            wait_for_records(tmp_path, count)
-            os.kill(alive(pids_in(pids))[0], signal.SIGKILL)
-        night.communicate(timeout=60)
-
-    assert len(pids_in(pids)) > 2  # the killed ones were replaced
-    assert (night.returncode, records_of(tmp_path)) == (0, undisturbed)
-
-
 @pytest.mark.parametrize(
     ("signalled", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )

@@ -139,16 +139,6 @@ def test_a_screw_whose_coordinate_no_body_has_is_diagnosed(command):
     assert (code, "regular: the pose is proved to be alone" in out) == (0, True)
 
 
-def test_a_dead_centre_is_told_with_its_rows_bodies_and_another_driver(command):
-    code, out, _ = command("diagnose", dead_centre())
-
-    assert code == 1
-    assert "turning point: " in out
-    assert "rows: A0, A, B, driver" in out
-    assert "bodies: crank, connecting_rod" in out
-    assert "driven by the angle of crank the same pose is regular" in out
-
-
 def test_a_diagnosis_as_json_has_the_same_words(command):
     code, out, _ = command("diagnose", dead_centre(), "--json")
     data = json.loads(out)

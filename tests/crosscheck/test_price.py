@@ -131,23 +131,10 @@ def test_who_ran_newton_is_told_of_a_method_that_crashes_too(made_up):
 
 def test_a_crash_costs_no_other_method_its_price(made_up):
     assert row_of(made_up, "right").microseconds > 0.0
-    assert row_of(made_up, "slower with each order").microseconds > 0.0
 
 
 def test_a_method_that_gives_position_alone_has_no_row_for_velocity(made_up):
     assert {r.quantity for r in made_up.rows if r.method == "position alone"} == {"position"}
-
-
-def test_a_price_stands_for_one_pose_now_for_a_cycle_and_for_bulk(made_up):
-    row = row_of(made_up, "right")
-
-    assert 0.0 < row.microseconds_bulk < row.microseconds < row.microseconds_one
-    assert min(row.digits, row.digits_one, row.digits_bulk) > 13.0
-    assert row.microseconds_to_build > 0.0
-
-
-def test_where_all_comes_from_one_run_every_quantity_costs_the_same(made_up):
-    assert len({r.microseconds for r in made_up.rows if r.method == "all at once"}) == 1
 
 
 def test_a_refusal_is_told(made_up):

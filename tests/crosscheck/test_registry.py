@@ -13,7 +13,7 @@ import pytest
 
 from crosscheck import engines
 from crosscheck.engines import GROUP, PEERS, QUANTITIES, EngineError, EngineRefusal
-from crosscheck.engines.methods import ORDERS, PRICED, Method, Use, methods
+from crosscheck.engines.methods import ORDERS, PRICED, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
 from crosscheck.measure import bench
@@ -158,7 +158,3 @@ def test_every_row_of_every_table_names_a_method_of_the_registry():
 def test_what_is_best_in_the_benchmark_is_in_the_price_list(engine):
     """Planted: the benchmark had methods of its own, ten times cheaper than the price list's."""
     assert all(Use.PRICE in method.uses for method in methods(engine, Use.BENCH))
-
-
-def test_there_is_one_class_for_a_method():
-    assert {type(m) for spec in (*PRICED, "numpy", "c", OWN, "closed_form") for m in methods(spec)} == {Method}

@@ -105,20 +105,6 @@ def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
     assert whole[1:] == said[1:4] + said[6:9]
 
 
-def test_a_page_of_prices_takes_names_as_they_are():
-    spreads = dict.fromkeys(("spread", "spread_one", "spread_bulk"), 0.1)
-    digits = dict.fromkeys(("digits_attainable", "digits_one", "digits_bulk"), 9.0)
-    rows = [priced("<b>newton</b>", 9.0, 5.0, **{**spreads, **digits, "microseconds_bulk": 1.0})]
-    offers = {poses: {"position": dict.fromkeys(map(str, price.STEPS))} for poses in price.POSES}
-    result = {"scene": "<i>", "rows": rows, "cheapest": offers, "cheapest_engine": offers, "refused": []}
-    result |= {"machine": {"processor": "<i>", "system": "b", "cores": 2}, "versions": {"c": "1"}}
-    page = price.page_of({**result, "times": {"priced": 1, "asked": 1, "certified": 1}})
-
-    assert "&lt;b&gt;newton" in page
-    assert "<b>newton" not in page
-    assert "<i>" not in page
-
-
 def test_a_course_is_a_block_for_each_night_as_high_as_its_ratio():
     assert nightly._blocks([1.0, 8.0, 2.0, 4.4]) == "▁█▂▄"
     assert nightly._blocks([3.0, 3.0]) == "▁▁"
