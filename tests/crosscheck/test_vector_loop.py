@@ -65,10 +65,12 @@ def test_the_order_of_bodies_and_joints_does_not_matter(drawn):
 @settings(max_examples=20, deadline=None)
 @given(drawn=drawn_scenes(hardness=[Hardness.REGULAR], samples=1), off=st.lists(st.floats(-0.1, 0.1), min_size=15))
 def test_a_rough_estimate_leads_to_the_assembly_that_the_reference_takes(drawn, off):
+    """Assemblies are about sigma_min apart: a tenth of that is near one alone."""
     mechanism, at = drawn.scene.mechanism, iter(off)
-    size = mechanism.size()
+    near = min(1.0, refkin.solve(drawn.scene).sigma_min[0])
+    scales = (near * mechanism.size(), near * mechanism.size(), near)
     bodies = tuple(
-        replace(b, estimate=tuple(x + next(at) * scale for x, scale in zip(b.estimate, (size, size, 1.0), strict=True)))
+        replace(b, estimate=tuple(x + next(at) * scale for x, scale in zip(b.estimate, scales, strict=True)))
         for b in mechanism.bodies
     )
 
