@@ -139,7 +139,7 @@ def print_path(
         raise UsageError(str(error)) from error
     how: dict[str, Any] = {"direction": -1 if backwards else 1, "choose": straight_on if through else None}
     try:
-        path = follow(driven, until=until, most_points=most_points, **how)
+        path = follow(driven, until=until and (min(until), max(until)), most_points=most_points, **how)
     except InvalidRequest as error:
         raise UsageError(f"--{error}" if error.argument == "until" else str(error)) from error
     if csv is not None:

@@ -282,7 +282,7 @@ class _Answer:
             if not levels.any():
                 continue
             order = int(np.argmax(levels))
-            self.status[k] = Status.LOCKED if order else Status.UNASSEMBLABLE
+            self.status[k] = Status.LOCKED if order else Status.NOT_CONVERGED
             self._withhold(k, order)
             if not self.contradicted:
                 what = QUANTITIES[order]
@@ -321,7 +321,10 @@ class _Answer:
             self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
 
     def prove_impossible(self, assembled: Callable[[float], Assemblies]) -> None:
-        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; say what is missing."""
+        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; say what is missing.
+
+        It is, too, where all assemblies are known, and redundant rows contradict each other in every one.
+        """
         message, searches = "", 0
         for k, t in enumerate(self.scene.times):
             if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
@@ -330,7 +333,14 @@ class _Answer:
                 if searched.unassemblable:
                     self.status[k] = Status.UNASSEMBLABLE
                     message = message or f"at t = {t:g} {unassemblable(self.system, searched)}"
+                elif self.contradicted and searched.complete and self._all_contradict(searched.poses, t):
+                    self.status[k] = Status.UNASSEMBLABLE
         self.messages += [message, "" if self.status[0] is Status.OK else too_many_drivers(self.system.mechanism)]
+
+    def _all_contradict(self, poses: Sequence[Any], t: float) -> bool:
+        """Whether redundant rows contradict each other at each of some assemblies at a time, by proof."""
+        proof = isolate_every_choice(self.system, np.column_stack(poses), np.full(len(poses), t))
+        return bool((proof.ok & (proof.contradiction[0] > 1.0)).all())
 
     def motion(self) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""

@@ -75,10 +75,9 @@ def find_start(system: System, scene: Scene) -> Start:
             return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
         if search.unassemblable:
             return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))
-        q, how, smallest = _far(system, t, estimate, first)
+        q, how = _far(system, t, estimate, first)
     if q is None:
-        why = f"{search.message}; smallest scaled residual {smallest:.3g}"
-        return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
+        return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {search.message}; {how}")
     if search.gap is not None:
         return Start(Status.OK, q, f"{search.message}: less than rounding of the numbers explains")
     return Start(Status.OK, q, how)
@@ -102,23 +101,18 @@ def _meant(scene: Scene) -> Scene:
     return scene if mechanism is scene.mechanism else replace(scene, mechanism=mechanism)
 
 
-def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str, float]:
-    """Return an assembly from a far estimate, and what found it; else None, and the smallest residual of all tries.
-
-    Where all that is found is a pose of some of the redundant rows, which the others contradict, it is that.
-    """
-    smallest, of_some = float(np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))), None
+def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str]:
+    """Return an assembly from a far estimate, and what found it; else None, and how near all tries came."""
+    smallest, least = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf)), math.inf
     for found, how in _tries(system, t, estimate, first):
         size = _contradicted(system, found, t)
         if size <= 1.0:
-            return found.q, f"the estimate was far: {how} found an assembly at t = {t:g}", found.residual
-        if size < np.inf and of_some is None:
-            of_some = (
-                found.q,
-                f"no assembly was found at t = {t:g}: {how} found a pose of some of the redundant rows",
-            )
-        smallest = float(np.nanmin([smallest, found.residual]))
-    return (*(of_some or (None, "")), smallest)
+            return found.q, f"the estimate was far: {how} found an assembly at t = {t:g}"
+        smallest, least = np.nanmin([smallest, found.residual]), min(least, size)
+    why = f"smallest scaled residual {smallest:.3g}"
+    if least < math.inf:
+        why = f"{why}; poses of some of the redundant rows contradict others: {least:.3g} times what rounding explains"
+    return None, why
 
 
 def _tries(system: System, t: float, estimate: Any, first: NewtonResult) -> Iterator[tuple[NewtonResult, str]]:

@@ -211,7 +211,7 @@ def test_a_far_estimate_leads_to_an_assembly_only_where_newton_converged_and_the
     for name, value in (("position", end), ("least_squares", least), ("closes", closed), ("isolate", nothing)):
         monkeypatch.setattr(starting, name, lambda *_, value=value, **__: value)
 
-    assert starting._far(system, 0.0, np.zeros(system.n), end) == (None, "", 0.5)
+    assert starting._far(system, 0.0, np.zeros(system.n), end) == (None, "smallest scaled residual 0.5")
 
 
 @pytest.mark.parametrize("seed", range(8))

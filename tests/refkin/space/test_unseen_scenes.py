@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,28 +173,52 @@ def test_two_motors_that_part_lock_the_pose_they_agree_on_and_no_pose_that_is_no
     assert np.isnan(motion.q[:, 1]).all()
 
 
-def hinge(name: str, at: float, x: float = 0.0) -> SpatialRevolute:
+def hinge(name: str, at: float, x: float = 0.0, body: str = "b") -> SpatialRevolute:
     """Return a hinge about z at the height `at`, and `x` beside where the body has it."""
     frames = {f"{key}_{side}": v for side in "ij" for key, v in (("axis", (0.0, 0.0, 1.0)), ("zero", (1.0, 0.0, 0.0)))}
-    return SpatialRevolute(name=name, body_i="ground", point_i=(x, 0.0, at), body_j="b", point_j=(0, 0, at), **frames)
+    return SpatialRevolute(name=name, body_i="ground", point_i=(x, 0.0, at), body_j=body, point_j=(0, 0, at), **frames)
 
 
-@pytest.mark.parametrize(("side", "longer"), [(1.0, 0.0), (-1.0, 0.0), (1.0, 1e-3)])
-def test_a_pose_of_some_of_the_redundant_rows_is_no_assembly_where_there_is_another(side, longer):
-    """A crank on two rods that are not quite in its plane: mirrored it misses by 0.008, and was proved not to meet."""
-    place = (math.cos(0.5), math.sin(0.5), 0.0)
-    rods = [
-        SpatialDistance(
-            name=f"{x}", body_i="ground", point_i=p, body_j="b", point_j=(1, 0, 0), length=math.dist(p, place) + more
-        )
-        for x, p, more in ((3, (3.0, 0.0, 0.0), 0.0), (4, (4.0, 0.1, 0.0), longer))
-    ]
-    body = Body(name="b", estimate=(0, 0, 0, math.cos(0.25), 0, 0, side * math.sin(0.25)))
-    motion = refkin.solve(Scene(mechanism=Mechanism((body,), (hinge("h", 0.0), *rods)), times=(0.0,)))
+def cranks(*sides: float, longer: float = 0.0) -> Scene:
+    """Return cranks side by side at 0.5 rad, each on two rods not quite in its plane: mirrored it misses by 0.008.
 
-    assert motion.verdict is (Status.UNASSEMBLABLE if longer else Status.OK), motion.message
-    assert ("found a pose of some of the redundant rows" in motion.message) is bool(longer)
-    assert longer or math.atan2(motion.q[6, 0], motion.q[3, 0]) == pytest.approx(0.25)
+    Where a side is -1 its estimate is the mirrored one.
+    """
+    bodies, joints = [], []
+    for k, side in enumerate(sides):
+        at, place = 10.0 * k, (10.0 * k + math.cos(0.5), math.sin(0.5), 0.0)
+        bodies.append(Body(name=f"b{k}", estimate=(at, 0, 0, math.cos(0.25), 0, 0, side * math.sin(0.25))))
+        joints.append(hinge(f"h{k}", 0.0, at, f"b{k}"))
+        for x, y, more in ((3.0, 0.0, 0.0), (4.0, 0.1, longer)):
+            ends: dict[str, Any] = {"point_i": (at + x, y, 0.0), "point_j": (1, 0, 0)}
+            length = math.dist(ends["point_i"], place) + more
+            joints.append(SpatialDistance(name=f"{k} {x}", body_i="ground", body_j=f"b{k}", **ends, length=length))
+    return Scene(mechanism=Mechanism(tuple(bodies), tuple(joints)), times=(0.0,))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_pose_of_some_of_the_redundant_rows_is_no_assembly_where_there_is_another(side):
+    """It was taken for one, and then proved not to meet."""
+    motion = refkin.solve(cranks(side))
+
+    assert motion.verdict is Status.OK, motion.message
+    assert math.atan2(motion.q[6, 0], motion.q[3, 0]) == pytest.approx(0.25)
+
+
+def test_a_pose_of_some_of_the_redundant_rows_is_no_proof_where_the_search_finds_no_other():
+    """Of eight cranks it does not find the assembly that there is."""
+    assert refkin.solve(cranks(*[1.0] * 8)).verdict is Status.OK
+    assert refkin.solve(cranks(-1.0, *[1.0] * 7)).verdict is Status.NOT_CONVERGED
+
+
+@pytest.mark.parametrize("longer", [1e-3, 1e-9])
+def test_nothing_starts_at_a_pose_of_some_of_the_redundant_rows(longer):
+    scene = cranks(1.0, longer=longer)
+
+    assert "poses of some of the redundant rows contradict others" in refkin.solve(scene).message
+    assert refkin.follow(scene).t.size == 0
+    with pytest.raises(ValueError, match="the scene has no first pose"):
+        refkin.diagnose(scene)
 
 
 def test_a_gap_that_rounding_explains_proves_nothing_at_any_time():
