@@ -96,6 +96,5 @@ def _reopen(name: str, kept: int) -> None:
     """Have a process print to where it did; a stream of `sys` that was closed is made anew."""
     os.dup2(kept, STREAMS[name])
     os.close(kept)
-    stream = getattr(sys, name)
-    if getattr(stream, "closed", False):
+    if getattr(getattr(sys, name), "closed", False):
         setattr(sys, name, os.fdopen(STREAMS[name], "w", encoding="utf-8", errors="backslashreplace", closefd=False))

@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
-from crosscheck.engines import Engine, load
+from crosscheck.engines import Engine, in_space, load
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.records import Cause, Record
 from crosscheck.measure.check import check, ended, key_of
-from crosscheck.scenes.drawing import WELL_KNOWN, describe, draw, shortened
+from crosscheck.scenes.drawing import COST_OF_SPACE, WELL_KNOWN, describe, draw, shortened
 from crosscheck.scenes.names import pairs_of
 from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
@@ -25,18 +25,18 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """Return the scene of a job and what the generator knows of it.
 
     A job holds the data of a scene's file under `scene`, and perhaps `about`; or the seed of a night under `night` and
-    the numbers of scenes under `shards`. Of those the one is drawn that adds most: the pairs of its features were met
-    least often, as `seen` (pair -> how often) has it. It has fewer times (`shortened`) if that adds next to nothing, or
-    if the job says so.
+    the numbers of scenes under `shards`. Of those the one is drawn that adds most for its time: the pairs of its
+    features were met least often, as `seen` (pair -> how often) has it: 1 counts one not met yet, 1/2 one met once. It
+    has fewer times (`shortened`) if that adds next to nothing, or if the job says so.
     """
     if "scene" in job:
         return parse(job["scene"]), dict(job.get("about", {}))
     scenes = [(draw(job["night"], number), number) for number in job["shards"]]
     seen = job.get("seen", {})
     about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
-    # how much of each is new: 1 for a pair of features not met yet, 1/2 for one met once, and so on
     new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
-    best = new.index(max(new))
+    costs = [COST_OF_SPACE if in_space(drawn.scene.mechanism) else 1.0 for drawn, _ in scenes]
+    best = max(range(len(new)), key=lambda k: new[k] / costs[k])
     scene, known = scenes[best][0].scene, about[best]
     if job.get("shortened", _adds_nothing(known, seen)):
         return shortened(scene), {**known, "shortened": True}

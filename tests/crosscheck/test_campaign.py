@@ -45,6 +45,7 @@ from .fake_engines import EXIT, HANG, alive, crosscheck, engine_file, records_of
 from .report_records import record, typed
 
 NIGHT = 21
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SHRINKING = 60.0
 """How long simplifying may take: some fifty scenes are enough, and a busy machine checks no more than two a second."""
 SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
@@ -200,18 +201,28 @@ def test_of_equal_scenes_that_with_the_least_number_counts_whichever_worker_was_
 
 
 def test_of_two_scenes_that_with_more_pairs_of_features_not_met_yet_is_checked(monkeypatch):
-    drawn = {0: ("angle", "table"), 7: ("y", "polynomial")}
+    """And of one of the plane and one of space that is new in as much, the one that takes less time."""
+    drawn = {0: ("angle", "table"), 7: ("y", "polynomial"), 14: ("x", "sine")}
+    plane, space = (refkin.load(EXAMPLES / f"{name}.toml").mechanism for name in ("slider-crank", "rssr"))
     kept = {"joints": "revolute", "class": "double-rocker", "hardness": "ordinary", "distance": 0.02}
-    monkeypatch.setattr(jobs, "draw", lambda night, number: SimpleNamespace(scene=number))
+    of = lambda number: SimpleNamespace(mechanism=space if number == 14 else plane, number=number)  # noqa: E731
+    monkeypatch.setattr(jobs, "draw", lambda night, number: SimpleNamespace(scene=of(number)))
     monkeypatch.setattr(
-        jobs, "describe", lambda scene: {**kept, **dict(zip(("driver", "law"), drawn[scene.scene], strict=True))}
+        jobs, "describe", lambda one: {**kept, **dict(zip(("driver", "law"), drawn[one.scene.number], strict=True))}
     )
-    number, about = jobs.scene_of({"night": 1, "shards": (0, 7), "seen": {}})
+
+    def chosen(seen, *numbers):
+        scene, about = jobs.scene_of({"night": 1, "shards": numbers, "seen": seen})
+        return scene.number, about
+
+    number, about = chosen({}, 0, 7)
     seen = dict.fromkeys(pairs_of(about), 5)
 
     assert number == 0
     assert "driver angle & law table" in seen
-    assert jobs.scene_of({"night": 1, "shards": (0, 7), "seen": seen})[0] == 7
+    assert chosen(seen, 0, 7)[0] == 7
+    assert chosen({}, 14, 7)[0] == 7
+    assert chosen(dict.fromkeys(pairs_of(chosen({}, 7)[1]), 5), 14, 7)[0] == 14
 
 
 def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_times_and_drawn_so_again():

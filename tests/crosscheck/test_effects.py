@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure import effects as ledger
 from crosscheck.measure.effects import ablations, effects_ledger, noise, rows
+from crosscheck.report.prices import effects_bars, look, parts
 from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.model import Point
@@ -417,3 +419,40 @@ def test_a_number_that_one_answer_has_and_the_other_has_not_is_a_change_without_
     changes = [_difference(ref, *pair, motion.bodies, 0) for pair in ((gone, motion), (motion, gone), (gone, gone))]
 
     assert [np.max(change, axis=0).tolist() for change in changes] == [[0.0, np.inf, 0.0]] * 2 + [[0.0] * 3]
+
+
+def drawn(effect, microseconds):
+    return replace(priced(microseconds, 0.1, effect), called_for=effect not in PHYSICAL)
+
+
+def test_no_two_effects_look_alike():
+    looks = [look(effect) for effect in ("position", *CALLED_FOR, *PHYSICAL)]
+
+    assert len(set(looks)) == len(looks)
+
+
+def test_an_effect_looks_the_same_whatever_else_is_drawn():
+    alone, among = ([drawn("velocity", 5.0)], [drawn("gravity", 9.0), drawn("velocity", 5.0)])
+    fills = [_fill_of("velocity", effects_bars(rows)) for rows in (alone, among)]
+
+    assert fills[0] == fills[1]
+
+
+def test_a_bar_begins_with_the_cost_of_positions_and_leaves_noise_out():
+    shown = [drawn("velocity", 5.0), drawn("gravity", 0.05), drawn("contact", None)]
+
+    assert parts(shown) == {("made up", "newton"): [("position", 10.0, True), ("velocity", 5.0, True)]}
+
+
+def test_an_effect_of_an_engine_that_nobody_knows_is_drawn():
+    assert _fill_of("wind", effects_bars([drawn("wind", 5.0)]))
+
+
+def _fill_of(effect, figure):
+    """Return fill and opacity of the part of a bar that carries the name of an effect."""
+    of = lambda element: element.tag.rpartition("}")[2]  # noqa: E731
+    for box in ET.fromstring(figure).iter():
+        title = next((child.text or "" for child in box if of(child) == "title"), "")
+        if of(box) == "rect" and title.startswith(f"{effect}:"):
+            return box.get("fill"), box.get("fill-opacity")
+    raise AssertionError(f"no part is called {effect!r}")
