@@ -125,7 +125,8 @@ def sweep(scene: Scene) -> Motion:
     system = system.held_at(q[:, ok])
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
-    qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
+    if Effect.ACCELERATION in scene.effects:
+        qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": None}
     made = Producer.of_refkin("refkin.analysis", ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"

@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -222,20 +223,22 @@ def _part_of(engine: Engine, subject: _Subject) -> _Part:
 
 
 def _of_engine(engine: Engine, subject: _Subject) -> _Part:
+    """Return what one engine adds: it is asked all that it is asked, and then judged."""
     part = _Part(engine.name)
     part.refusals += _refusals(engine, subject.scene, Level.SOLVE)
-    if not part.refusals:
-        compared = [method for method in methods(engine) if subject.uses & method.uses]
-        best = next((method for method in compared if Use.COMPARE in method.uses), None)
-        names = [method.called for method in compared]
-        if best is None or len(set(names)) < len(names):
-            message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
-            part.blame(ANY, wrong("status", Cause.NOT_DELIVERED, message))
-        for method in compared:
-            _check_method(engine, method, subject, part, best=method is best)
-    if hasattr(engine, "constraints"):
-        with undisturbed():
+    compared = [] if part.refusals else [method for method in methods(engine) if subject.uses & method.uses]
+    best = next((method for method in compared if Use.COMPARE in method.uses), None)
+    names = [method.called for method in compared]
+    if not part.refusals and (best is None or len(set(names)) < len(names)):
+        message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
+        part.blame(ANY, wrong("status", Cause.NOT_DELIVERED, message))
+    again = subject.arbiter or subject.drawn(TURNED_ROUND)
+    with undisturbed():
+        told = [_told(method, subject, again=again and method is best) for method in compared]
+        if hasattr(engine, "constraints"):
             _check_levels(engine, subject, part)
+    for method, answer in zip(compared, told, strict=True):
+        _check_method(method, answer, subject, part)
     if subject.changed():
         part.blame(ANY, wrong("status", Cause.CHANGED))
     return part
@@ -277,21 +280,46 @@ def _enclosure(subject: _Subject, motion: Motion, terms: Sequence[Term]) -> Encl
     )
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
-def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part, *, best: bool) -> None:
-    ref, scene = subject.ref, subject.scene
+@dataclass
+class _Told:
+    """What a method answers: its motion, or why there is none, and the terms that it adds to the allowed error.
+
+    `again` says whether it was asked a second time, the scene turned round, and `turned_round` what it answered then.
+    """
+
+    motion: Motion | EngineError
+    seconds: float = 0.0
+    terms: Sequence[Term] = ()
+    again: bool = False
+    turned_round: Motion | None = None
+
+
+def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
+    """Return what a method answers.
+
+    It is asked again for the first quarter of the times: what depends on the order of bodies does so at any time, and
+    times that are as near as ever take no more steps than before.
+    """
     try:
-        with undisturbed():
-            start = time.perf_counter()
-            motion = method.solve(subject.copy)
-            seconds = time.perf_counter() - start
-            of_method = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
+        start = time.perf_counter()
+        told = _Told(method.solve(subject.copy), time.perf_counter() - start, again=again)
+        told.terms = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
-        part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
-        if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
-            part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(error)))
+        return _Told(error)
+    with suppress(EngineError):
+        told.turned_round = method.solve(copied(subject.turned_round)) if again else None
+    return told
+
+
+@np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
+def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -> None:
+    ref, scene, engine, motion = subject.ref, subject.scene, part.engine, told.motion
+    if isinstance(motion, EngineError):
+        part.refusals.append(RefusalRow(engine=engine, reason=str(motion)))
+        if not _is_refusal(motion, scene) and not subject.excused(ref.motion.t[-1]):
+            part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(motion)))
         return
-    terms, faults = granted(engine.name, scene, of_method)
+    terms, faults = granted(engine, scene, told.terms)
     wrong_form = [wrong("status", Cause.NOT_DELIVERED, why) for why in misshapen(scene, motion)]
     if wrong_form:
         part.blame(method.called, *faults, *wrong_form)
@@ -299,14 +327,14 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     compared = compare(ref, motion, terms)
     part.answers.append(
         Answer(
-            engine=engine.name,
+            engine=engine,
             version=str(motion.producer.version),
             method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()} | {"name": method.called}),
             quantities=quantities(ref, compared),
             missing=compared.missing,
             compared=compared.compared,
             times=len(motion.status),
-            seconds=float(f"{seconds:.4g}"),
+            seconds=float(f"{told.seconds:.4g}"),
             certificate=_enclosure(subject, motion, terms) if subject.arbiter else None,
             feature=Use.COMPARE not in method.uses,
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
@@ -315,13 +343,11 @@ def _check_method(engine: Engine, method: Method, subject: _Subject, part: _Part
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
     faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *unclosed(ref, motion, terms)]
     if scene.points and not motion.points:
-        reason = f"{engine.name} ({method.called}) gives no motion of points: they are not compared"
-        part.refusals.append(RefusalRow(engine=engine.name, reason=reason))
+        reason = f"{engine} ({method.called}) gives no motion of points: they are not compared"
+        part.refusals.append(RefusalRow(engine=engine, reason=reason))
     faults += points_off(ref, motion, method.delivers, terms, compared)
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
-    turned_round = (
-        _turned_round(method, subject, terms) if best and (subject.arbiter or subject.drawn(TURNED_ROUND)) else None
-    )
+    turned_round = _turned_round(told.turned_round, subject, terms) if told.again else None
     part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))
 
 
@@ -353,23 +379,13 @@ def _disagreements(
             return
 
 
-def _turned_round(method: Method, subject: _Subject, terms: Sequence[Term]) -> Comparison:
-    """Return the comparison of a method's answer to the same scene with its bodies, joints and drivers reversed.
-
-    It is asked for the first quarter of the times: what depends on the order of bodies does so at any time, and times
-    that are as near as ever take no more steps than before.
-    """
+def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
+    """Return the comparison of a method's answer to the same scene with its bodies, joints and drivers reversed."""
     ref, fewer = subject.ref, subject.turned_round
-    asked = slice(len(fewer.times))
-    try:
-        with undisturbed():
-            motion = method.solve(copied(fewer))
-        if any(misshapen(fewer, motion)):
-            raise EngineError
-        return compare(ref, motion, terms, asked)
-    except EngineError:
+    if motion is None or any(misshapen(fewer, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
         return Comparison(nothing, len(fewer.times), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
+    return compare(ref, motion, terms, slice(len(fewer.times)))
 
 
 def _is_refusal(error: EngineError, scene: Scene) -> bool:

@@ -169,7 +169,8 @@ def test_where_branches_cross_between_two_times_no_branch_is_chosen():
     assert motion["rocker"].phi[:6] == pytest.approx(motion["crank"].phi[:6])
 
 
-def test_what_is_not_called_for_is_not_reported():
+def test_what_is_not_called_for_is_neither_computed_nor_reported(monkeypatch):
+    monkeypatch.delattr(analysis, "acceleration")
     motion = analysis.sweep(replace(ROCKER.scene(samples=3), effects=frozenset(), bodies_wanted=("rocker",)))
 
     assert motion.qd is None
