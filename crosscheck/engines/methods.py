@@ -141,6 +141,8 @@ class Method:
         The highest order it gives.
     at_once : bool
         Whether all orders come from one run, so that each costs what all cost.
+    together : bool
+        Whether it finds the poses of all times together, so that one costs less the more there are.
     steps : bool
         Whether it steps in time, so that a pose needs the one before it.
     note : str
@@ -163,6 +165,7 @@ class Method:
     batch: Callable[[Any, int], Batch] | None = None
     highest: int = 2
     at_once: bool = False
+    together: bool = False
     steps: bool = False
     note: str = ""
     adapter: Any = None

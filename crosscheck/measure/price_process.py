@@ -306,16 +306,16 @@ def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
 def _in_bulk(runs: Sequence[_Run], asked: Mapping[str, PriceQuestion], end: float, pipe: Any) -> Iterator[_Run]:
     """Yield the methods that have answered in bulk, as long as there is time; say who had none and may be the cheapest.
 
-    What bulk will take of each is told by what more poses have taken so far: a cycle, less one pose. Who does all at
-    once is asked whatever that says.
+    What bulk will take of each is told by what more poses have taken so far: a cycle, less one pose. Who finds them
+    together is asked before others, whatever that says.
     """
     until = end - (1.0 - BULK_ANSWERS) * (end - time.process_time())
     for run in runs:
         cycle, new = run.seconds["cycle"], asked["cycle"].new(run.method)
         more = (cycle - run.seconds["one"] / asked["one"].new(run.method)) / max(new - 1, 1)
         run.seconds["bulk"], run.digits["bulk"] = BULK * max(more, LEAST * cycle / new), run.digits["cycle"]
-    for away, run in nearest_first(runs, "bulk"):
-        if away > CONTENDS and not run.method.at_once:
+    for away, run in sorted(nearest_first(runs, "bulk"), key=lambda pair: not pair[1].method.together):
+        if away > CONTENDS and not run.method.together:
             continue
         if time.process_time() > until:
             pipe.send(("unasked", run.method.key, run.seconds["bulk"] / BULK))

@@ -46,7 +46,7 @@ def methods() -> Iterator[Method]:
     for limit in LIMITS:
         last = limit == LIMITS[-1]
         more: Any = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": partial(_batched, limit)} if last else {}
-        yield priced("mujoco", name, f"|dq| < {limit:g}", who, partial(_swept, limit), note, **more)
+        yield priced("mujoco", name, f"|dq| < {limit:g}", who, partial(_swept, limit), note, together=True, **more)
     yield from scalar_methods("mujoco", linked, ConnectRows)
     yield from newton_methods("mujoco", tree_of, MujocoSpace)
     yield from stepping_methods()

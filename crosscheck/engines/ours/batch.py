@@ -125,6 +125,7 @@ def methods() -> Iterator[Method]:
             uses=frozenset({Use.PRICE, Use.BENCH}),
             build=partial(_compiled, evidence),
             batch=partial(_batched, evidence),
+            together=True,
             note="compiled list of instructions as NumPy calls; every pose checked by the formulas",
         )
     yield Method(

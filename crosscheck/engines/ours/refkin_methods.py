@@ -165,7 +165,7 @@ def _solve_methods() -> Iterator[Method]:
         batch = {"uses": frozenset({Use.PRICE, Use.BENCH}), "batch": partial(_solved_in_turn, evidence)}
         more: dict[str, Any] = {} if evidence else batch
         note = "the truth itself, keeps its branch" + ", with its proof" * (Evidence.CERTIFICATE in evidence)
-        yield priced("refkin", "solve", setting, "refkin", partial(_solving, evidence), note, **more)
+        yield priced("refkin", "solve", setting, "refkin", partial(_solving, evidence), note, together=True, **more)
 
 
 def _solving(evidence: frozenset[Evidence], scene: Scene) -> Model:
