@@ -17,7 +17,7 @@ from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordina
 from crosscheck.scenes.names import decade
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
-from refkin.solving.solve import solve
+from refkin.solving.solve import nearest
 from refkin.system import System, compile_system
 
 
@@ -77,7 +77,8 @@ class QuantityComparison:
     """One quantity of a comparison, per time; NaN where it was not compared.
 
     The largest `error` is in scaled coordinates, the largest `ratio` that to what is allowed, at `worst`; `digits` are
-    -log10 of the error relative to what `scales` says. `difference` (n, T) is the answer minus the reference, signed,
+    -log10 of the error plus the proved radius of the reference, if there is one, relative to what `scales` says: so
+    many are right for certain. `difference` (n, T) is the answer minus the reference, signed,
     in the reference's scaled coordinates of bodies and their order; NaN for bodies that the answer has not.
     """
 
@@ -132,7 +133,7 @@ def reference(scene: Scene) -> Reference:
     """Solve a scene with refkin for every body and effect, whatever the scene calls for."""
     evidence = scene.evidence | {Evidence.CONDITION}
     whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect), evidence=evidence)
-    motion = solve(whole)
+    motion = nearest(whole)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     contacts: list[Any] = [(c.s, c.sd, c.sdd) for c in motion.contacts.values()]
     if system.kind.name == "spatial":
@@ -256,7 +257,8 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
             ratios = off / allowed
             ratios[off == 0.0] = 0.0
             error[:, where], ratio[:, where] = np.max(off, axis=1), np.max(ratios, axis=1)
-            relative = np.array([line / scales(whole, k) for line, k in zip(error[:, where], levels, strict=True)])
+            proved = [np.nan_to_num(getattr(ref.motion.certified_radius, QUANTITIES[k]))[at][where] for k in levels]
+            relative = (error[:, where] + proved) / np.array([scales(whole, k) for k in levels])
             digits[:, where] = np.minimum(MOST_DIGITS, -np.log10(relative))
         places = np.argmax(np.fmax(ratios, 0.0).reshape(len(levels), -1), axis=1).tolist()
         worst = [_place(system, motion, motion.t[where], place) for place in places]

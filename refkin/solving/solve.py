@@ -24,7 +24,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
 from refkin.proof.path.curve import MISSING
 from refkin.proof.pose.choices import isolate_every_choice
-from refkin.proof.pose.isolate import isolate
+from refkin.proof.pose.isolate import FLOAT64, Isolation, isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
@@ -56,7 +56,20 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
         return _solved(scene, certified)
 
 
-def _solved(scene: Scene, certified: bool) -> SceneMotion:
+def nearest(scene: Scene) -> SceneMotion:
+    """Return what `solve` does, moved to the numbers nearest to what is proved: what other answers are held against.
+
+    A proof knows the solution better than the answer that it is about, by Newton's step in extended precision: next to
+    singular poses by two digits and more. Where rows are redundant, it stays the answer.
+
+    Parameters
+    ----------
+    scene : Scene
+    """
+    return _solved(scene, certified=False, moved=True)
+
+
+def _solved(scene: Scene, certified: bool, moved: bool = False) -> SceneMotion:
     system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     system = StraightLineSystem.of(system)
     assembled = cache(lambda t: assemblies(system, t, trying=False))
@@ -67,6 +80,8 @@ def _solved(scene: Scene, certified: bool) -> SceneMotion:
         answer.judge(reached)
     answer.prove_impossible(assembled)
     answer.explain()
+    if moved:
+        answer.to_nearest()
     return SceneMotion.of(scene, answer.motion())
 
 
@@ -171,6 +186,7 @@ class _Answer:
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = no_radius(count)
+        self.proofs = list[tuple[Any, Isolation]]()
 
     def judge(self, samples: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
@@ -266,6 +282,7 @@ class _Answer:
         answers = (self.system, self.q[:, samples], self.t[samples], *rates)
         isolation = isolate_every_choice(*answers)
         self.messages.append(isolation.why)
+        self.proofs.append((samples, isolation))
         for name in QUANTITIES:
             getattr(self.radius, name)[samples] = getattr(isolation, name)
         for sample, enclosure in isolation.enclosures.items():
@@ -313,6 +330,20 @@ class _Answer:
         level[:, k] = answer
         own = np.max(root.distance(level[:, k], truth))
         radii[k] = own if self.system.m == self.system.n else np.maximum(own, (radii[k] + moved) * (1 + EPS))
+
+    def to_nearest(self) -> None:
+        """Move answers to the numbers nearest to what float64 proves; those of balls are there (`_take`)."""
+        for samples, proof in self.proofs if self.system.m == self.system.n else ():
+            sharp = (proof.bits == FLOAT64) & [self.status[k] is Status.OK for k in samples]
+            at, radii = samples[sharp], (self.radius.position, self.radius.velocity, self.radius.acceleration)
+            if not at.size:
+                continue
+            for level, radius, known in zip((self.q, self.qd, self.qdd), radii, proof.levels, strict=False):
+                best, off = known.nearest()
+                level[:, at], radius[at] = best[:, sharp], np.max(off[:, sharp], axis=0)
+            q = self.q[:, at]
+            self.residual[at] = np.max(np.abs(self.system.held_at(q).phi(q, self.t[at])), axis=0)
+            self.radius.position[at] += np.max(output_rounding(self.system, q), axis=0)
 
     def explain(self) -> None:
         """Say of the first singular pose what it is."""

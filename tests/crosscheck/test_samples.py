@@ -15,7 +15,8 @@ from crosscheck.judge.samples import by_decade, off_at, rounding_digits, short
 from crosscheck.measure.check import check
 from crosscheck.night.sections import worst_sample
 from crosscheck.scenes.names import decade
-from refkin import FourBar, Polynomial, solve
+from refkin import FourBar, Polynomial
+from refkin.solving.solve import nearest
 
 OFF = 3e-7
 
@@ -32,8 +33,8 @@ def ref(scene):
 
 
 def shifted(scene, sample, by=OFF):
-    """The reference's own answer with the rocker's angle wrong at one time."""
-    motion = solve(scene)
+    """What answers are held against, with the rocker's angle wrong at one time."""
+    motion = nearest(scene)
     q = motion.q.copy()
     q[8, sample] += by
     return replace(motion, q=q)
@@ -49,12 +50,14 @@ def test_worst_sample_is_the_one_that_is_wrong(scene, ref, place):
 
 
 def test_a_decade_without_a_sample_has_no_worst(scene, ref):
-    assert worst_sample(ref.sigma_min, compare(ref, solve(scene)).quantities["position"], -9) is None
+    assert worst_sample(ref.sigma_min, compare(ref, nearest(scene)).quantities["position"], -9) is None
 
 
 def test_common_sample_is_the_same_time_for_every_answer(scene, ref):
     common = ref.common
-    right, wrong = (compare(ref, motion).quantities["position"] for motion in (solve(scene), shifted(scene, common.k)))
+    right, wrong = (
+        compare(ref, motion).quantities["position"] for motion in (nearest(scene), shifted(scene, common.k))
+    )
 
     assert off_at(right, common) == [0.0] * 9
     assert pytest.approx(off_at(wrong, common), rel=0.01, abs=0.0) == [0.0] * 8 + [OFF]

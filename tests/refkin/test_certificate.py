@@ -21,6 +21,8 @@ from refkin.proof.numbers.inputs import HALF_ULP, input_effect
 from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
 from refkin.proof.pose.certificate import BOX, Certificate, _Ball, certify
 from refkin.proof.pose.krawczyk import Enclosure, Judgement, Verdict, judge, krawczyk
+from refkin.scenes.linkages import FourBar
+from refkin.solving.solve import nearest, solve
 from refkin.system import System, compile_system
 from tests.drawn import Drawn
 
@@ -100,6 +102,29 @@ def test_every_regular_pose_is_certified_and_the_ball_contains_the_solution(leve
 def test_on_coarse_approximations_the_ball_contains_the_solution_or_no_certificate_is_given(level: str) -> None:
     given, missed = misses(coarse(), level)
     assert (given > 500, missed) == (True, 0)
+
+
+@pytest.mark.parametrize("level", ["position", *RATES])
+def test_the_numbers_nearest_to_what_is_proved_are_within_their_bounds_of_the_truth_which_are_mostly_an_ulp(level):
+    order, off = ("position", *RATES).index(level), []
+    for c in good():
+        proof = c.certificate()
+        best, bounds = (proof.root, *proof.rates)[order].nearest()
+        truth = [e.q for e in c.truth] if order == 0 else c.true_rates[order - 1]
+        assert all(contains(truth[k], best[:, k], bounds[:, k]) for k in range(len(c.t)))
+        off.append(np.max(bounds, axis=0) / np.max(np.abs(best), axis=0))
+
+    assert np.median(np.concatenate(off)) < (8 if Extended.unit < U else 400) * U
+
+
+def test_next_to_a_fold_a_proof_knows_rates_far_better_than_the_answer_that_it_is_about() -> None:
+    """Engines round a law's value as we do, and seemed to have two digits more than they had."""
+    law = Polynomial(coefficients=(0.9853995522992578, 0.2))
+    scene = FourBar(ground=4.0, crank=3.0, coupler=1.0, rocker=3.0).scene(law=law, times=(0.0, 0.5, 1.0), branch="open")
+    answer, best = (motion.certified_radius.acceleration[-1] for motion in (solve(scene), nearest(scene)))
+    apart = np.max(np.abs(solve(scene).qdd - nearest(scene).qdd)[2::3, -1])
+
+    assert (50.0 if Extended.unit < U else 0.0) * best < apart <= answer
 
 
 def without_curvature(row: Any) -> Any:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,20 @@ class Nearly:
         """Bound of the distance from `given`."""
         return UP * (np.abs(self.shift) + self.remainder)
 
+    def nearest(self) -> tuple[Any, Any]:
+        """Return the floats nearest to `given` + `shift`, and bounds of how far off they are."""
+        best = self.given + self.shift
+        return best, UP * (self.remainder + U * np.abs(best))
+
     def box(self) -> Any:
         """Return the numbers as rows around `given` + `shift`."""
         added = UP * Extended.unit * (np.abs(self.given) + np.abs(self.shift))  # the rounding of that sum
         return box(np.longdouble(self.given) + self.shift, self.remainder + added, Extended)
+
+
+def one_after_another(parts: Iterable[Nearly]) -> Nearly:
+    """Return numbers of consecutive blocks of samples as one."""
+    return Nearly(*(np.concatenate(part, axis=-1) for part in zip(*map(astuple, parts), strict=True)))
 
 
 class Preconditioned:

@@ -27,13 +27,13 @@ S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box, off_by, product
-from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, one_after_another
 from refkin.system import System
 
 BOX = 2.5
@@ -60,6 +60,8 @@ class Certificate:
         The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
     root : Nearly
         The solution itself: one Newton step from q, and how near it lies.
+    rates : tuple of Nearly
+        Likewise the velocities and accelerations there, if qd and qdd were given.
     """
 
     ok: Any
@@ -68,6 +70,7 @@ class Certificate:
     acceleration: Any
     rows: Any
     root: Nearly
+    rates: tuple[Nearly, ...] = ()
 
     @property
     def position(self) -> Any:
@@ -107,8 +110,9 @@ def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Ce
     phi = pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times))
     ball = _Ball(pose, phi)
     radii = np.where(ball.ok, ball.radii, np.nan)
-    velocity, acceleration = _rates(ball, qd, qdd)
-    return Certificate(ball.ok, radii, velocity, acceleration, rows, ball.root)
+    rates = _rates(ball, qd, qdd)
+    velocity, acceleration = [*(rate.error for rate in rates), None, None][:2]
+    return Certificate(ball.ok, radii, velocity, acceleration, rows, ball.root, rates)
 
 
 class _Ball:
@@ -141,17 +145,17 @@ class _Ball:
         return Nearly(rate, -shift, UP * (error + UP * largest * self.defect_at_root))
 
 
-def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
-    """Return the bounds of velocity and acceleration, each None if not asked for."""
+def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Nearly, ...]:
+    """Return velocity and acceleration, as far as they are asked for."""
     if qd is None:
-        return None, None
+        return ()
     pose, at = ball.pose, ball.root.box()
     slope, nu = (pose.rows_of(f(at, pose.times), np.longdouble) for f in (pose.sharp.phi_q, pose.sharp.nu))
     velocity = ball.solved(qd, off_by(slope, qd, nu))
     if qdd is None:
-        return velocity.error, None
+        return (velocity,)
     gamma = pose.rows_of(pose.sharp.gamma(at, velocity.box(), pose.times), np.longdouble)
-    return velocity.error, ball.solved(qdd, off_by(slope, qdd, gamma)).error
+    return velocity, ball.solved(qdd, off_by(slope, qdd, gamma))
 
 
 def unique_within(system: System, rows: Any, q: Any, t: Any, position: Any) -> Any:
@@ -183,9 +187,9 @@ def unique_within(system: System, rows: Any, q: Any, t: Any, position: Any) -> A
 
 def _one_after_another(parts: list[Certificate]) -> Certificate:
     """Return the certificates of consecutive blocks of samples as one."""
-    root = Nearly(*(np.concatenate(part, axis=-1) for part in zip(*(astuple(p.root) for p in parts), strict=True)))
+    root, *rates = (one_after_another(each) for each in zip(*((p.root, *p.rates) for p in parts), strict=True))
     columns = zip(*((p.ok, p.radii, p.velocity, p.acceleration) for p in parts), strict=True)
     every = (None if column[0] is None else np.concatenate(column, axis=-1) for column in columns)
     ok, radii, velocity, acceleration = every
     rows = parts[0].rows if parts[0].rows.ndim == 1 else np.concatenate([p.rows for p in parts], axis=1)
-    return Certificate(ok, radii, velocity, acceleration, rows, root)
+    return Certificate(ok, radii, velocity, acceleration, rows, root, tuple(rates))

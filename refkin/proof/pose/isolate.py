@@ -9,6 +9,7 @@ import numpy as np
 from flint import ctx
 
 from refkin.proof.numbers.inputs import contradiction, rate_contradiction
+from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.certificate import certify
 from refkin.proof.pose.krawczyk import Enclosure, krawczyk, objects
@@ -41,6 +42,8 @@ class Isolation:
         The rows that were certified in float64.
     enclosures : dict
         By sample: the roots that balls enclose, where float64 proved little. They are better than the answers.
+    levels : tuple of Nearly
+        The solution and its rates, as float64 proves them.
     why : str
         Why there are no bounds of poses that are isolated; empty if there are.
     """
@@ -53,6 +56,7 @@ class Isolation:
     contradiction: Any
     rows: Any
     enclosures: dict[int, Enclosure] = field(default_factory=dict)
+    levels: tuple[Nearly, ...] = ()
     why: str = ""
 
 
@@ -85,6 +89,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
         contradiction=np.zeros((3, len(t))),
         rows=proof.rows,
+        levels=(proof.root, *proof.rates),
     )
     isolation.contradiction[0] = contradiction(system, proof.rows, proof.root, t)
     frames = recentred(system)
