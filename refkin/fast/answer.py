@@ -29,7 +29,7 @@ from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
-from refkin.proof.pose.isolate import FLOAT64
+from refkin.proof.pose.isolate import FLOAT64, are_sharp
 from refkin.system import System
 
 ROUTE = Route(
@@ -191,7 +191,7 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> tup
     absent, why = nowhere(len(t)), ""
     worth = len(t) >= MANY or max(map(len, made.program.blocks), default=0) <= LARGEST_SELECTED
     bounds = radii(system, made, levels, t) if system.m == system.n and worth else None
-    if bounds is not None:
+    if bounds is not None and are_sharp(bounds, levels).all():
         position, *rates = (*bounds, absent, absent)[:3]
     else:
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])

@@ -34,6 +34,7 @@ from refkin.motion import Status
 from refkin.newton import CONTRACTION, ROUND_OFF
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.inputs import half_ulp, laws_have_digits
+from refkin.solving.starts import NEARBY
 from refkin.system import compile_system
 
 CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
@@ -107,7 +108,7 @@ class Block:
         off = np.max(np.abs(self.space.level(0)[:bodies] - estimate[:bodies]), axis=0)
         if corrections:
             first, second = corrections[0], corrections[min(1, len(corrections) - 1)]
-            near = (off <= SMALL) | (NEAR * off * second <= first**2)
+            near = (off <= SMALL) | ((off <= NEARBY) & (NEAR * off * second <= first**2))
             self.codes[late | ~near] = NEVER_FOUND
         for sign, row in zip(self.signs, self.made.marching.outputs.determinants, strict=True):
             sign[:] = np.sign(self.space.row(row))

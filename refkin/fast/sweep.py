@@ -33,7 +33,7 @@ from refkin.newton import CONTRACTION, contracts
 from refkin.proof.path.branch import first_unproved
 from refkin.solving.passages import unseen
 from refkin.solving.solve import solve
-from refkin.solving.starts import find_start
+from refkin.solving.starts import NEARBY, find_start
 from refkin.solving.sweep import pose_between
 from refkin.system import EVERYTHING
 
@@ -183,7 +183,8 @@ class _Task:
         if steps and not (steps[-1] <= ENOUGH and contracts(steps)):
             return None
         second = steps[1] if len(steps) > 1 else 0.0
-        return q if off <= SMALL or NEAR * off * second <= steps[0] * steps[0] else None
+        near = off <= SMALL or (off <= NEARBY and NEAR * off * second <= steps[0] * steps[0])
+        return q if near else None
 
     def _first(self, core: Sequence[float]) -> StepAnswer | None:
         """Return what Newton makes of core coordinates at the first time; None where numbers fail."""

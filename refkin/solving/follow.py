@@ -237,7 +237,7 @@ def follow(
 
 
 def driven_by(scene: Scene, driver: str) -> Scene:
-    """Return a scene whose time is the value of a driver [rad or m]; all other drivers stay as they are at its start.
+    """Return a scene whose time is the value of a driver [rad or m]; all other laws stay as they are at its start.
 
     Its one time is the driver's value at the scene's first time.
 
@@ -249,10 +249,12 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     m, t = scene.mechanism, scene.times[0]
     if driver not in (d.name for d in m.drivers):
         raise UnknownName("driver", driver, tuple(d.name for d in m.drivers))
-    values = {d.name: float(d.laws[0](t)) for d in m.drivers}
-    laws = {name: _ITSELF if name == driver else Polynomial(coefficients=(x,)) for name, x in values.items()}
+    held = {c.name: tuple(Polynomial(coefficients=(float(law(t)),)) for law in c.laws) for c in m.constraints}
+    laws = {name: _ITSELF if name == driver else still[0] for name, still in held.items() if still}
     drivers = tuple(replace(d, law=laws[d.name], rate_law=None, initial=0.0) for d in m.drivers)
-    return replace(scene, mechanism=replace(m, drivers=drivers), times=(values[driver],))
+    of_joints: Any = m.joints
+    joints = tuple(replace(j, offset_law=held[j.name]) if j.laws else j for j in of_joints)
+    return replace(scene, mechanism=replace(m, joints=joints, drivers=drivers), times=held[driver][0].coefficients)
 
 
 class _Continuation:

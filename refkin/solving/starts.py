@@ -29,6 +29,9 @@ from refkin.system import System, compile_system
 
 USELESS = 1e12
 """Estimates further out [sizes, rad] say nothing: at most four digits of an angle are left there."""
+NEARBY = 1.0
+"""What Newton finds further from its estimate [sizes, rad] is not told to be the nearest by how it went there: that
+tells of curvature, and not that angles come round again."""
 NEW_ESTIMATES = 6
 """How many estimates are made up where the given one leads nowhere."""
 COUNTED = 1e-6
@@ -67,6 +70,7 @@ def find_start(system: System, scene: Scene) -> Start:
         estimate = np.where(useless, 0.0, estimate)
         first = position(system, estimate, t)
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
+        contracted = contracted and bool(np.max(np.abs(first.q - estimate)) <= NEARBY)
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first.q, t):
             return Start(Status.OK, first.q)
         search = assemblies(system, t)

@@ -19,6 +19,7 @@ from refkin import (
     Mechanism,
     Polar,
     Polynomial,
+    Revolute,
     Scene,
     Sinusoid,
     SliderCrank,
@@ -452,6 +453,16 @@ def test_time_may_be_the_parameter():
 
     assert path.t[-1] == 1.0
     assert path["crank"].phi[-1] == pytest.approx(2.3, abs=1e-15)
+
+
+def test_along_the_value_of_a_driver_the_offset_of_a_joint_stays_as_it_is_at_the_start():
+    """It was asked for its value at the driver's, as if that were time."""
+    away = Polynomial(coefficients=(0.1, 0.1)), Polynomial(coefficients=(0.0,))
+    pin = Revolute(name="A", body_i="ground", point_i=(0, 0), body_j="a", point_j=(0, 0), offset_law=away)
+    turn = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 2.0)))
+    scene = Scene(mechanism=Mechanism((Body(name="a"),), (pin,), (turn,)), times=(2.0, 3.0))
+
+    assert refkin.follow(driven_by(scene, "motor"), until=(5.0, 6.0)).q[:, -1] == pytest.approx([0.3, 0.0, 6.0])
 
 
 def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first():

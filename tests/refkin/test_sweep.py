@@ -24,10 +24,12 @@ from refkin import (
     Revolute,
     Scene,
     Sinusoid,
+    SliderCrank,
     Status,
     Table,
     YDriver,
     compile_system,
+    fast,
 )
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.path.blocks import diagonal_blocks
@@ -660,6 +662,38 @@ def test_a_pulse_of_a_table_between_two_times_is_not_stepped_over(knot):
     motion = refkin.solve(replace(scene, mechanism=replace(m, drivers=(driver,), bodies=bodies)))
 
     assert [str(status) for status in motion.status] == ["ok", "branch_lost", "branch_lost"]
+
+
+@pytest.mark.parametrize("solving", [refkin.solve, fast.sweep])
+@pytest.mark.parametrize("estimate", [1.2, 1.545, 1.569, 1.571, 1.64, 1.9])
+def test_the_first_pose_is_the_nearest_though_newton_goes_far_and_contracts_there(solving, estimate):
+    """A tip at y = 1/2: near the top the first correction is of any size, and the second is small against it."""
+    pin = Revolute(name="A", body_i="ground", point_i=(0.0, 0.0), body_j="a", point_j=(0.0, 0.0))
+    lift = YDriver(name="lift", body="a", point=(1.0, 0.0), law=Polynomial(coefficients=(0.5, 0.1)))
+    arm = Mechanism((Body(name="a", estimate=(0.0, 0.0, estimate)),), (pin,), (lift,))
+    phi = solving(Scene(mechanism=arm, times=(0.0, 1.0)))["a"].phi[0]
+
+    assert phi == pytest.approx(math.asin(0.5) if estimate < math.pi / 2 else math.pi - math.asin(0.5))
+
+
+@pytest.mark.parametrize("speed", [1e10, 1e20])
+def test_of_what_float64_knows_little_of_the_fast_path_says_no_more_than_the_reference(speed):
+    """A crank of which no digit was left was ok, a metre off, with a radius of 3331."""
+    pin = Revolute(name="A", body_i="ground", point_i=(0.0, 0.0), body_j="a", point_j=(-1.0, 0.0))
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(0.25, speed)))
+    crank = Mechanism((Body(name="a", estimate=(1.0, 0.0, 0.25)),), (pin,), (motor,))
+    scene = Scene(mechanism=crank, times=(0.0, 0.3))
+
+    assert fast.sweep(scene).status == refkin.solve(scene).status == (Status.OK, Status.NOT_CONVERGED)
+
+
+def test_of_many_the_one_that_newton_takes_far_from_its_estimate_is_not_ok():
+    scene = SliderCrank(crank=1.0, rod=3.0).scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(0.0, 0.1))
+    at = {body.name: body.estimate for body in scene.mechanism.bodies}
+    rod = (*at["connecting_rod"][:2], at["connecting_rod"][2] + np.array([0.0, 1.57 + 0.0987, 1.5725 + 0.0987]))
+    many = fast.solve_many(scene, {}, {**at, "connecting_rod": rod})
+
+    assert [many.status(sample)[0] is Status.OK for sample in range(3)] == [True, False, False]
 
 
 @pytest.mark.parametrize(("smallest", "solvable", "known"), [(1e-2, True, False), (1e-6, False, True)])

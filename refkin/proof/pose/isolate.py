@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,10 +94,8 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     )
     isolation.contradiction[0] = contradiction(system, proof.rows, proof.root, t)
     frames = recentred(system)
-    sharp = (isolation.position <= BLURRED) & (frames.furthest <= FAR)
-    for bound, rate in ((isolation.velocity, qd), (isolation.acceleration, qdd)):
-        if rate is not None:
-            sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
+    sharp = are_sharp((isolation.position, isolation.velocity, isolation.acceleration), (q, qd, qdd))
+    sharp &= frames.furthest <= FAR
     for sample in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
         enclosure = _in_moved_frames(frames, q[:, sample], t[sample])
         if enclosure is None:
@@ -107,6 +106,23 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     if qd is not None:
         isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
     return isolation
+
+
+def are_sharp(bounds: Sequence[Any], levels: Sequence[Any]) -> Any:
+    """Return at which poses (B,) float64 says enough: its bounds of position and rates are not `BLURRED`.
+
+    Parameters
+    ----------
+    bounds : sequence of (B,) array
+        Proved errors of the largest component.
+    levels : sequence of (n, B) array or None
+        The position, and as many rates as there are.
+    """
+    sharp = bounds[0] <= BLURRED
+    for bound, rate in zip(bounds[1:], levels[1:], strict=False):
+        if rate is not None:
+            sharp = sharp & (bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0)))
+    return sharp
 
 
 def _in_moved_frames(frames: Recentred, q: Any, t: float) -> Enclosure | None:
