@@ -101,6 +101,7 @@ def nightly(
         refuse_other(history)
     gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
     refuse_others(out)
+    positive("sections-seconds", sections_seconds or None)  # 0 will do: none
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     required = names(require_engines, always=())

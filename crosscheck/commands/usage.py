@@ -55,7 +55,9 @@ def writable(key: str, file: Path | None, *read: Path | None) -> None:
     """
     if file is None:
         return
-    if "\0" in str(file) or file.is_dir() or not file.absolute().parent.is_dir():
+    if file.is_dir():
+        raise UsageError(f"--{key}: expected a file, got the folder {file}")
+    if "\0" in str(file) or not file.absolute().parent.is_dir():
         raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
     if not os.access(file if file.exists() else file.absolute().parent, os.W_OK):
         raise UsageError(f"--{key}: expected a file that can be written, got {file}")

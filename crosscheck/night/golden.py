@@ -209,7 +209,8 @@ def read(path: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
     except (ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
-        raise NoBaseline(f"{path} is no baseline: {error}") from error
+        why = f"it lacks {error}" if isinstance(error, KeyError) else error
+        raise NoBaseline(f"{path} is no baseline: {why}") from error
     return dict(baseline)
 
 

@@ -220,7 +220,7 @@ def slopes_figure(lines: Sequence[Mapping[str, Any]]) -> Figure:
 
 def _slope_label(line: Mapping[str, Any]) -> str:
     if line["fitted"] is None:
-        return f"{line['name']}: {'no slope: exact to round-off' if line['expected'] is None else 'inconclusive'}"
+        return f"{line['name']}: {'exact to round-off at small steps' if line['expected'] is None else 'inconclusive'}"
     spread = f"± {line['spread']:.3f}"
     return f"{line['name']}: slope {line['fitted']:.3f} {spread}, on paper {line['expected']:g}"
 

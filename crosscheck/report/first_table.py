@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from crosscheck.judge.prices import Offer, offers
+from crosscheck.judge.prices import SUFFIX, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.prices import main_class
 from crosscheck.report.wording import count
@@ -96,7 +96,8 @@ def _as_shipped(report: Report, engine: str) -> list[Row]:
     for method in (name for name in asked_hard if name not in report["engines"][engine]):
         named = (method, f"{method}, as shipped")
         priced = [r for r in report["price"] or () if r["engine"] == engine and r["method"] in named]
-        best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
+        digits = [(r["quantity"], d) for r in priced for of in SUFFIX.values() if (d := r.get(f"digits{of}"))]
+        best = [max((d for quantity, d in digits if quantity == q), default=None) for q in SOLVED]
         shown = priced[0]["method"] if priced else method
         row = {"engine": engine, "method": shown, "cells": [_shown(None, None, 0) | {"best": d} for d in best]}
         said = {**_silent(report, engine, method, {"scenes": 1}), "scenes": 0, "fewer": 0, "asked": False}

@@ -529,6 +529,8 @@ def test_times_without_a_pose_are_told_once_and_not_as_rows_of_nan(command, tmp_
     ("arguments", "said"),
     [
         (("draw", GOOD, "--time", "nan"), "--time: expected a finite number [s], got nan"),
+        (("solve", GOOD, "--csv", "/"), "--csv: expected a file, got the folder /"),
+        (("nightly", "--sections-seconds", "nan"), "--sections-seconds: expected a number above 0, got nan"),
         (("solve", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--until", "nan", "1"), "--until: expected two different finite values, got nan and 1.0"),

@@ -131,7 +131,7 @@ class Signs:
 
     def __call__(self, t: float) -> float:
         """Return 1.0, 0.0 or -1.0."""
-        value, size = 0.0, 0.0
+        value, size, t = 0.0, 0.0, float(t)
         for c in self.coefficients:
             value, size = value * t + c, size * abs(t) + abs(c)
         if abs(value) > len(self.coefficients) * 2.0**-51 * size and size < math.inf:
