@@ -11,10 +11,10 @@ from functools import cache, partial
 
 import numpy as np
 
-import refkin
 from crosscheck.engines import API, ELEMENTS, NATIVE, EngineError, Level
 from crosscheck.engines.methods import Method, Model, Use
 from refkin.model import Effect
+from refkin.solving.solve import nearest
 
 OFF = 1e-6
 
@@ -92,7 +92,7 @@ def _refuses(scene):
 
 
 def _moved(off, scene, order):
-    """Return the reference's answer with x of the first body moved by so many sizes, and rates likewise."""
+    """Return what answers are held against with x of the first body moved by so many sizes, and rates likewise."""
     levels = [level.copy() for level in _known(scene)[: order + 1]]
     for level in levels:
         level[0] += off * scene.mechanism.size()
@@ -101,7 +101,7 @@ def _moved(off, scene, order):
 
 @cache
 def _known(scene):
-    motion = refkin.solve(replace(scene, effects=frozenset(Effect), evidence=frozenset()))
+    motion = nearest(replace(scene, effects=frozenset(Effect)))
     return [np.array(level) for level in motion.levels]
 
 
