@@ -208,7 +208,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     """
     samples = np.flatnonzero(times_with(motion, Status.OK))
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
-    clock, at = _clock(system, t), running(q)
+    clock, at = Running(t), running(q)  # so that laws' own rounding counts
     e_phi = residual_error(system, q, t)
     slope = parts(system.phi_q(at, clock), t.shape)  # the rounding of the results is `output_rounding`
     nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
@@ -251,7 +251,7 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
     t : (T,) array
         Times [s].
     """
-    return SAFETY * parts(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)[1]
+    return SAFETY * parts(system.phi(running(q, U * np.abs(q)), Running(t)), t.shape)[1]
 
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
@@ -311,13 +311,6 @@ def _solve_error(size: Any) -> Any:
 def _stepped(x: Any) -> Any:
     """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
     return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
-
-
-def _clock(system: System, t: Any) -> Any:
-    """Return the times as running numbers, so that a law's own rounding counts; see `table_error` for tables."""
-    laws = [law for c in system.mechanism.constraints for law in c.laws]
-    tables = any(isinstance(getattr(law, "rate", law), Table) for law in laws)
-    return t if tables else Running(t)
 
 
 def table_error(system: System, t: Any, order: int) -> Any:

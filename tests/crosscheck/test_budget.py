@@ -11,8 +11,8 @@ import pytest
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.samples import _corrections, input_sensitivity, sharpness
 from crosscheck.scenes.drawing import draw
-from refkin import FourBar
-from refkin.motion_laws import Polynomial
+from refkin import AngleDriver, Body, FourBar, Mechanism, Revolute, Scene
+from refkin.motion_laws import Polynomial, Sinusoid, Table
 
 NIGHT, SCENES, SAMPLES = 11, 100, 3
 MEDIAN, LARGEST, LARGEST_OF_TREES = 50.0, 500.0, 1000.0
@@ -83,3 +83,19 @@ def test_the_sensitivity_is_what_the_solution_moves_by():
 
     for level, (a, b) in enumerate(zip(near.levels, far.levels, strict=True)):
         assert moved[level] == pytest.approx(b - a, rel=1e-6, abs=1e-14)
+
+
+def test_the_rounding_of_a_law_counts_beside_a_table_too():
+    """It counted for nothing there, which nobody saw as long as answers were held against one that rounds alike."""
+    wave, table = Sinusoid(amplitude=2.0, angular_frequency=8.3), Table(argument=(0.0, 0.4, 1.0), value=(0.0, 1.0, 0.5))
+    pins = [
+        Revolute(name=f"pin {b}", body_i="ground", point_i=(0.0, 0.0), body_j=b, point_j=(1.0, 0.0)) for b in ("a", "b")
+    ]
+
+    def left(law):
+        drivers = tuple(AngleDriver(name=b, body=b, law=x) for b, x in (("a", law), ("b", wave)))
+        cranks = Mechanism((Body(name="a"), Body(name="b")), tuple(pins), drivers)
+        return reference(Scene(mechanism=cranks, times=(0.0, 0.3, 0.9))).propagation.e[1][-1]
+
+    assert left(table).tolist() == left(Polynomial(coefficients=(0.0, 1.0))).tolist()
+    assert (left(table) > 0.0).all()
