@@ -12,14 +12,12 @@ from flint import arb
 import refkin
 from crosscheck.engines import Level, load
 from crosscheck.judge import levels
-from crosscheck.judge.budget import _clock
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold
 from crosscheck.judge.known_gaps import finding_of, read_findings
 from crosscheck.judge.levels import compare_levels, configurations
-from crosscheck.judge.running_error import Running
 from crosscheck.measure.check import check
-from refkin import FourBar, Polynomial, Table, compile_system
+from refkin import FourBar, Polynomial, compile_system
 from refkin.proof.pose.krawczyk import Verdict
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
@@ -105,13 +103,6 @@ def test_a_finding_explains_its_own_rows_alone():
     assert finding_of(known, own) is finding
     assert finding_of([finding], {**own, "engine": "another"}) is None
     assert finding_of([replace(finding, cases=("another",))], own) is None
-
-
-def test_times_are_rounded_numbers_but_where_a_table_has_an_error_of_its_own():
-    laws = (Polynomial(coefficients=(0.4, 1.0)), Table(argument=(0.0, 0.5, 1.0), value=(0.1, 0.3, 0.4)))
-    systems = [compile_system(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=(0.0,)).mechanism) for law in laws]
-
-    assert [isinstance(_clock(system, np.zeros(1)), Running) for system in systems] == [True, False]
 
 
 @pytest.mark.parametrize(("known_to", "verdict"), [(0.09, Verdict.INSIDE), (0.11, Verdict.UNDECIDABLE)])
