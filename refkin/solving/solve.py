@@ -50,10 +50,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
     times the branch was never changed (`proof.path.branch`); where that is not proved, the branch is lost. What would
     take more than the limits (`solving.limits`) is refused; what takes long says so meanwhile.
     """
-    expect("scene", scene, Scene)
-    check_size(scene)
-    with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):
-        return _solved(scene, certified)
+    return _solved(scene, certified)
 
 
 def nearest(scene: Scene) -> SceneMotion:
@@ -70,6 +67,16 @@ def nearest(scene: Scene) -> SceneMotion:
 
 
 def _solved(scene: Scene, certified: bool, moved: bool = False) -> SceneMotion:
+    expect("scene", scene, Scene)
+    check_size(scene)
+    with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):
+        answer = _answer(scene, certified)
+        if moved:
+            answer.to_nearest()
+        return SceneMotion.of(scene, answer.motion())
+
+
+def _answer(scene: Scene, certified: bool) -> _Answer:
     system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     system = StraightLineSystem.of(system)
     assembled = cache(lambda t: assemblies(system, t, trying=False))
@@ -80,9 +87,7 @@ def _solved(scene: Scene, certified: bool, moved: bool = False) -> SceneMotion:
         answer.judge(reached)
     answer.prove_impossible(assembled)
     answer.explain()
-    if moved:
-        answer.to_nearest()
-    return SceneMotion.of(scene, answer.motion())
+    return answer
 
 
 def _positions(

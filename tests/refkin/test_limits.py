@@ -14,6 +14,7 @@ from refkin.errors import InvalidScene
 from refkin.scenes.linkages import RSSP
 from refkin.solving import limits
 from refkin.solving.limits import check_size
+from refkin.solving.solve import nearest
 from refkin.system import compile_system
 
 from .contact_cases import RATE, over_profile
@@ -33,13 +34,14 @@ def chain(count: int) -> Scene:
     return Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,), name="chain")
 
 
-def test_a_chain_of_twenty_thousand_bodies_is_refused_in_a_second_with_what_it_would_take():
+@pytest.mark.parametrize("solving", [refkin.solve, nearest])
+def test_a_chain_of_twenty_thousand_bodies_is_refused_in_a_second_with_what_it_would_take(solving):
     scene = chain(20_000)
     start = time.process_time()
     with pytest.raises(
         InvalidScene, match=r"60000 coordinates at 1 times, would take about 28.8 GB and \d+ h; set REFKIN_LIMIT="
     ):
-        refkin.solve(scene)
+        solving(scene)
 
     assert time.process_time() - start < 5.0
 

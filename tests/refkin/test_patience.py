@@ -30,14 +30,14 @@ def test_a_solve_that_takes_long_says_so_before_it_ends(hurried, monkeypatch, ca
     from refkin.solving import solve as solving
 
     scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
-    whole, said = solving._solved, []
+    whole, said = solving._answer, []
 
     def slow(*given):
         assert waited_for(lambda: len(caplog.messages) > 1)
         said.extend(caplog.messages)
         return whole(*given)
 
-    monkeypatch.setattr(solving, "_solved", slow)
+    monkeypatch.setattr(solving, "_answer", slow)
     assert refkin.solve(scene).verdict == "ok"
 
     assert all(line.startswith(f"solving {scene.name!r} at 3 times: ") for line in said)
