@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -113,6 +114,9 @@ def _methods(spec: str) -> list[Method]:
 
 SECONDS = 20.0
 """After this long on one scene a method is said to hang: the slowest takes about three."""
+PROCESSES = 2
+"""How many processes take the methods in turn: what is proved of a case is computed once in each, for all engines. What
+fails in one is asked again in a process that no other engine has had: it alone says whose failure it is."""
 BAD = (HardOutcome.WRONG, HardOutcome.CRASH, HardOutcome.HANG)
 """Verdicts that need an explanation: `findings.toml`."""
 
@@ -169,21 +173,18 @@ def _rows(
     for answer in by_engine.values():
         if isinstance(answer, Failure | EngineError):
             raise answer if isinstance(answer, EngineError) else EngineError(answer.text)
-    answers = {
-        spec: call_in_turn(
-            outcome_of, [(spec, name, setting, case.key) for case in cases for _, name, setting in keys], seconds
-        )
-        for spec, keys in by_engine.items()
-    }
-    for done, case in enumerate(cases):
-        tell(done, case.key)
-        if end is not None and time.monotonic() > end:
-            break
-        for spec, keys in by_engine.items():
-            for key in keys:
-                yield _row(key, case, next(answers[spec]), len(cases), known)
-    for left in answers.values():
-        left.close()
+    asked = [(spec, key) for spec, keys in by_engine.items() for key in keys]
+    jobs = [(spec, name, setting, case.key) for case in cases for spec, (_, name, setting) in asked]
+    with closing(call_in_turn(outcome_of, jobs, seconds, PROCESSES)) as answers:
+        for done, case in enumerate(cases):
+            tell(done, case.key)
+            if end is not None and time.monotonic() > end:
+                break
+            for n, (_, key) in enumerate(asked, done * len(asked)):
+                answer = next(answers)
+                if isinstance(answer, Failure):
+                    answer = call_each(outcome_of, jobs[n : n + 1], seconds)[0]
+                yield _row(key, case, answer, len(cases), known)
 
 
 def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known: Sequence[Finding]) -> Row:

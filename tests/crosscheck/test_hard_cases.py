@@ -272,17 +272,29 @@ SAID = Finding(
 
 @pytest.fixture
 def table(monkeypatch):
-    """The table of two engines made up; of one method the answer never comes, of cases of space its end is told."""
-    asked = []
+    """The table of two engines made up; of one method the answer never comes, of cases of space its end is told.
 
-    def in_turn(function, jobs, seconds):
-        for spec, name, setting, key in jobs:
-            asked.append((spec, name, setting, key, seconds))
-            yield Failure(FailureKind.CRASH, "SIGSEGV", "SIGSEGV") if "RSSR" in key else FATES[name]
+    At a kite the process that they share fails, whoever is asked.
+    """
+    asked, alone = [], []
 
-    monkeypatch.setattr(hard_table, "call_each", lambda function, specs: [METHODS.get(s, LACKING) for s in specs])
+    def fate(name, key):
+        return Failure(FailureKind.CRASH, "SIGSEGV", "SIGSEGV") if "RSSR" in key else FATES[name]
+
+    def in_turn(function, jobs, seconds, count):
+        for job in jobs:
+            asked.append((*job, seconds))
+            yield Failure(FailureKind.ERROR, "its neighbour's doing", "") if "kite" in job[3] else fate(job[1], job[3])
+
+    def by_itself(function, arguments, *seconds):
+        if function is hard_table.listed:
+            return [METHODS.get(spec, LACKING) for spec in arguments]
+        alone.extend((*job, *seconds) for job in arguments)
+        return [fate(name, key) for _, name, _, key in arguments]
+
+    monkeypatch.setattr(hard_table, "call_each", by_itself)
     monkeypatch.setattr(hard_table, "call_in_turn", in_turn)
-    return lambda *some, **more: (hard_case_rows(*some, findings=[SAID], **more), asked)
+    return lambda *some, **more: (hard_case_rows(*some, findings=[SAID], **more), asked, alone)
 
 
 LACKING = EngineError("no engine is called 'c'")
@@ -290,7 +302,7 @@ LACKING = EngineError("no engine is called 'c'")
 
 def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table):
     some, told = list(CASES.values()), []
-    rows, asked = table(["a", "b"], seconds=3.0, tell=lambda *words: told.append(words))
+    rows, asked, alone = table(["a", "b"], seconds=3.0, tell=lambda *words: told.append(words))
     every = [key for of_engine in METHODS.values() for key in of_engine]
     crashed = [case for case in some if "RSSR" in case.key]
 
@@ -298,6 +310,8 @@ def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table
         (*key, case.case, case.distance) for case in some for key in every
     ]
     assert sorted(asked) == sorted((*key, case.key, 3.0) for case in some for key in every)
+    failed = [job for job in asked if "RSSR" in job[3] or "kite" in job[3] or job[1] == "steps"]
+    assert sorted(alone) == sorted(failed)
     assert [done for done, _ in told] == list(range(len(some)))
     kinds = [CASES[key].case for _, key in told]
     assert set(kinds[: len(set(kinds))]) == set(kinds)  # the first of every kind come first
@@ -315,7 +329,7 @@ def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table
 def test_when_time_is_up_no_other_case_is_begun_by_anybody(table, monkeypatch):
     now = iter([0.0, 1.0, 2.0, 9.0])
     monkeypatch.setattr(hard_table, "time", SimpleNamespace(monotonic=lambda: next(now)))
-    rows, _ = table(["a", "b"], 5.0)
+    rows, *_ = table(["a", "b"], 5.0)
 
     assert len(rows) == 2 * 3
     assert len({(row["case"], row["distance"]) for row in rows}) == 2
