@@ -57,13 +57,13 @@ class Polynomial(_Everywhere):
 
     def _derived(self, order: int) -> tuple[float, ...]:
         """Return the coefficients of a derivative."""
-        if order not in self._orders:
-            self._orders[order] = tuple([k * c for k, c in enumerate(self._derived(order - 1))][1:])
-        return self._orders[order]
+        while len(known := self._orders) <= order:
+            known.append(tuple([k * c for k, c in enumerate(known[-1])][1:]))
+        return known[order]
 
     @cached_property
-    def _orders(self) -> dict[int, tuple[float, ...]]:
-        return {0: self.coefficients}
+    def _orders(self) -> list[tuple[float, ...]]:
+        return [self.coefficients]
 
     def integral(self, t: Any) -> Any:
         """Return sum_k coefficients[k] t^(k+1) / (k+1)."""
@@ -112,7 +112,7 @@ class Table:
         from scipy.interpolate import CubicSpline  # here, because importing it costs more than the rest of refkin
 
         ends: Any = {"bc_type": "periodic"} if self.periodic else {"extrapolate": False}
-        return CubicSpline(self.argument, self.value, **ends)
+        return CubicSpline(*np.array([self.argument, self.value], float), **ends)
 
     def __call__(self, t: Any, order: int = 0) -> Any:
         return _through(lambda x, k: self._spline(x, order + k)[()], t)
@@ -147,10 +147,10 @@ class Table:
             yield Fault(f"{path}.value", list(y), f"{len(x)} values, one for each argument")
         if any(b <= a for a, b in pairwise(x)):
             yield Fault(f"{path}.argument", list(x), "strictly increasing arguments")
-        in_order = 2 <= len(x) == len(y) and all(a < b < np.inf for a, b in pairwise(x)) and np.isfinite(y).all()
+        well = 2 <= len(x) == len(y) and all(a < b < np.inf for a, b in pairwise(x)) and all(abs(v) < np.inf for v in y)
         if self.periodic and y and y[0] != y[-1]:
             yield Fault(f"{path}.value", list(y), "a last value equal to the first, as the table is periodic")
-        elif in_order and not self._interpolates():
+        elif well and not self._interpolates():
             yield Fault(f"{path}.argument", list(x), "arguments between which a spline is finite")
 
     def _interpolates(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -62,7 +63,10 @@ def capability_table(engines: Iterable[Engine]) -> Table:
 
 
 def agreement_table(record: Record) -> Table:
-    """Return engine and method x quantity: worst digits and worst error / allowed, and who did what."""
+    """Return engine and method x quantity: worst digits and worst error / allowed, and who did what.
+
+    Where fewer poses are judged than were answered (the stopping rule bounds nothing there) the cell says how many.
+    """
     numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst\ndigits", ">error/\nallowed")]
     rows = []
     for answer in record.answers:
@@ -70,8 +74,10 @@ def agreement_table(record: Record) -> Table:
         cells = [answer.engine, method.name, method.newton_by, method.seeding]
         for quantity in QUANTITIES:
             numbers_of = answer.quantities.get(quantity)
-            digits = [d for decade in numbers_of.digits_by_sigma.values() for d in decade] if numbers_of else []
-            cells.append(f"{min(digits) / 10:.1f}" if digits else "-")
+            counts = sum(map(Counter, numbers_of.digits_by_sigma.values()), Counter()) if numbers_of else Counter()
+            judged, given = counts.total(), answer.times - answer.missing
+            few = f" at {judged} of {given}" * (judged < given)
+            cells.append(f"{min(counts) / 10:.1f}{few}" if counts else "-")
             cells.append("-" if numbers_of is None or numbers_of.ratio is None else f"{numbers_of.ratio:.2g}")
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
     heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no\nanswer")

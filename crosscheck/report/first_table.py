@@ -56,22 +56,25 @@ def _size(block: Mapping[str, Any]) -> str:
 def _rows(report: Report, block: Mapping[str, Any], named: Iterable[tuple[str, str]]) -> list[Row]:
     """Return a row per engine and method with its digits on the scenes of a block.
 
-    The price is that of the row's own method over one cycle: what is cheaper is no price of these digits.
+    The price is that of the row's own method over one cycle: what is cheaper is no price of these digits. `once` says
+    that it is of a single call.
     """
     prices = report["price"] or []
-    paid = {offer.name: offer.microseconds for offer in nine_digits(prices)}
+    paid = {offer.name: offer for offer in nine_digits(prices)}
     priced = {(row["engine"], row["method"]) for row in prices}
     of_methods = {(row["engine"], row["method"]): row for row in report["methods"]}
     rows = []
     for engine, method in named:
         made, quantities = of_methods.get((engine, method), {}), report["engines"][engine][method]
         digits = block["engines"].get(engine, {}).get(method, {})
+        offer = paid.get((engine, method))
         rows.append(
             {
                 "engine": engine,
                 "method": method,
                 "cells": [_cell(digits.get(quantity), quantities[quantity]) for quantity in SOLVED],
-                "price": paid.get((engine, method)) if prices else made.get("microseconds_median"),
+                "price": (offer and offer.microseconds) if prices else made.get("microseconds_median"),
+                "once": offer is not None and offer.spread is None,
                 "priced": (engine, method) in priced or not prices,
                 **_silent(report, engine, method, made),
                 "asked": True,

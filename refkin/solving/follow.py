@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -249,12 +249,22 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     m, t = scene.mechanism, scene.times[0]
     if driver not in (d.name for d in m.drivers):
         raise UnknownName("driver", driver, tuple(d.name for d in m.drivers))
-    held = {c.name: tuple(Polynomial(coefficients=(float(law(t)),)) for law in c.laws) for c in m.constraints}
-    laws = {name: _ITSELF if name == driver else still[0] for name, still in held.items() if still}
+    held = {d.name: Polynomial(coefficients=(float(d.laws[0](t)),)) for d in m.drivers}
+    laws = {**held, driver: _ITSELF}
     drivers = tuple(replace(d, law=laws[d.name], rate_law=None, initial=0.0) for d in m.drivers)
-    of_joints: Any = m.joints
-    joints = tuple(replace(j, offset_law=held[j.name]) if j.laws else j for j in of_joints)
-    return replace(scene, mechanism=replace(m, joints=joints, drivers=drivers), times=held[driver][0].coefficients)
+    joints = tuple(_still(joint, t) if joint.laws else joint for joint in m.joints)
+    return replace(scene, mechanism=replace(m, joints=joints, drivers=drivers), times=held[driver].coefficients)
+
+
+def _still(joint: Any, t: float) -> Any:
+    """Return a joint whose laws, whichever its fields are, stay as they are at a time t [s]."""
+
+    def at_t(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(at_t, value))
+        return Polynomial(coefficients=(float(value(t)),)) if any(value is law for law in joint.laws) else value
+
+    return replace(joint, **{field.name: at_t(getattr(joint, field.name)) for field in fields(joint) if field.init})
 
 
 class _Continuation:

@@ -141,6 +141,9 @@ def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path
     said = "Nine digits of acceleration cost least over one cycle with mujoco · newton: 24 µs (regular scenes)."
     assert sentence(report) == said
     assert sentence(report) in page
+    once = '24 <span class="soft">by one call</span>'
+    assert once not in page
+    assert once in reported(tmp_path, price=[{**row, "spread": None} for row in PRICES])[1]
 
 
 def test_the_first_table_has_the_price_of_the_method_whose_digits_it_shows(tmp_path: Path) -> None:

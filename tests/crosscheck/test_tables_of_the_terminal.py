@@ -142,7 +142,7 @@ def test_of_the_price_list_only_what_changed_is_shown_with_its_course():
 def test_agreement_rows_and_certificates_stand_by_engine_and_method():
     places = EnclosedTimes(inside=3, outside=1, undecidable=0, no_answer=2, radii=1.25)
     sparse = answer(
-        "exudyn", {"position": quantity({-1: [14.0, 9.5], 0: [12.0]}, 0.25), "velocity": quantity({}, None)}
+        "exudyn", {"position": quantity({-1: [14.0, 9.5], 0: [12.0]}, 0.25), "velocity": quantity({0: [9.0]}, None)}
     )
     planted = record(
         "a", good_answer("mujoco"), {**sparse, "missing": 1}, levels=[level("mujoco", "drift", [13.0, 9.0])]
@@ -152,7 +152,7 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
 
     assert [row[4:] for row in cells(engines.agreement_table(met))] == [
         ["14.0", "0.5", "14.0", "0.5", "14.0", "0.5", "0 of 4"],
-        ["9.5", "0.25", "-", "-", "-", "-", "1 of 4"],
+        ["9.5", "0.25", "9.0 at 1 of 3", "-", "-", "-", "1 of 4"],
     ]
     assert cells(engines.rows_table(met)) == [["mujoco", "drift", "8", "9.0", "0.25"]]
     assert [row[2:] for row in cells(engines.arbiter_table(replace(met, answers=certified)))] == [

@@ -79,6 +79,14 @@ def test_a_polynomial_whose_rate_leaves_float64_has_its_extrema():
     assert extrema(law, 0.1, 10.0) == [pytest.approx(0.5, rel=1e-15)]
 
 
+def test_a_polynomial_of_any_number_of_coefficients_has_its_extrema():
+    """Each derivative asked the next one, until Python had no more room for it."""
+    law = Polynomial(coefficients=(0.0, -0.01, *[0.0] * 800, 1.0))  # t^802 - t/100
+
+    assert extrema(law, 0.0, 1.0) == [pytest.approx((0.01 / 802.0) ** (1.0 / 801.0), rel=1e-14)]
+    assert zeros(law, -1.0, 1.0) == [pytest.approx(0.0, abs=1e-300), pytest.approx(0.01 ** (1.0 / 801.0), rel=1e-14)]
+
+
 WAVE = Sinusoid(amplitude=1.0, angular_frequency=6.0, offset=0.25, phase=0.3)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -455,14 +455,29 @@ def test_time_may_be_the_parameter():
     assert path["crank"].phi[-1] == pytest.approx(2.3, abs=1e-15)
 
 
-def test_along_the_value_of_a_driver_the_offset_of_a_joint_stays_as_it_is_at_the_start():
-    """It was asked for its value at the driver's, as if that were time."""
-    away = Polynomial(coefficients=(0.1, 0.1)), Polynomial(coefficients=(0.0,))
-    pin = Revolute(name="A", body_i="ground", point_i=(0, 0), body_j="a", point_j=(0, 0), offset_law=away)
-    turn = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 2.0)))
-    scene = Scene(mechanism=Mechanism((Body(name="a"),), (pin,), (turn,)), times=(2.0, 3.0))
+@dataclass(frozen=True, kw_only=True)
+class Carried(Revolute):
+    """A joint of one's own, whose laws have a field of their own."""
 
-    assert refkin.follow(driven_by(scene, "motor"), until=(5.0, 6.0)).q[:, -1] == pytest.approx([0.3, 0.0, 6.0])
+    away: tuple[Polynomial, Polynomial]
+
+    @property
+    def laws(self):
+        return self.away
+
+
+@pytest.mark.parametrize(("joint", "field"), [(Revolute, "offset_law"), (Carried, "away")])
+def test_along_the_value_of_a_driver_all_other_laws_stay_as_they_are_at_the_start(joint, field):
+    """A joint's law was asked for its value at the driver's, as if that were time."""
+    away = Polynomial(coefficients=(0.1, 0.1)), Polynomial(coefficients=(0.0,))
+    pin = joint(name="A", body_i="ground", point_i=(0, 0), body_j="a", point_j=(0, 0), **{field: away})
+    other = Revolute(name="B", body_i="ground", point_i=(0, 0), body_j="b", point_j=(0, 0))
+    turn = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 2.0)))
+    fan = AngleDriver(name="fan", body="b", law=Polynomial(coefficients=(0.5, 0.2)))
+    mechanism = Mechanism((Body(name="a"), Body(name="b")), (pin, other), (turn, fan))
+    path = refkin.follow(driven_by(Scene(mechanism=mechanism, times=(2.0, 3.0)), "motor"), until=(5.0, 6.0))
+
+    assert path.q[:, -1] == pytest.approx([0.3, 0.0, 6.0, 0.0, 0.0, 0.9])
 
 
 def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first():

@@ -107,9 +107,9 @@ def zeros(law: Law, a: float, b: float) -> list[float]:
     law, a, b
         As for `extrema`.
     """
-    value: Callable[[float], float] = law
     if isinstance(law, Polynomial):
-        value = Signs(law)
+        return _of_polynomial(law, a, b)
+    value: Callable[[float], float] = law
     if isinstance(law, Table):
         value = _Spline.of(law).value
     turning = extrema(law, a, b)
@@ -151,6 +151,17 @@ def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
     count = math.ceil(last) - math.floor(first) + 1
     numbers = float(math.floor(first)) + np.arange(min(count, LISTED + 3))  # two may lie outside
     return _inside(np.sort((math.pi * (numbers + 0.5) - law.phase) / w), a, b)
+
+
+def _of_polynomial(law: Polynomial, a: float, b: float) -> list[float]:
+    """Return where a polynomial changes its sign, which each of its derivatives tells of the one before it."""
+    found: list[float] = []
+    derivatives = [law]
+    while len(derivatives[-1].coefficients) > 2:
+        derivatives.append(derivative(derivatives[-1]))
+    for each in reversed(derivatives):
+        found = sign_changes(Signs(each), [a, *found, b])
+    return found
 
 
 def _of_spline(law: Table, a: float, b: float) -> list[float]:
