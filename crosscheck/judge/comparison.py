@@ -20,6 +20,9 @@ from refkin.motion import Motion, Status
 from refkin.solving.solve import nearest
 from refkin.system import System, compile_system
 
+RESTS = 2.0**-46
+"""A law's rate of this part of its largest, or less, is rounding: of the sum from which it comes nothing is left."""
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -55,9 +58,19 @@ class Reference:
         if not times.size:
             return None
         k = int(times[times.size // 2])
-        levels = [level[:, k : k + 1] for level in self.levels]
-        scale = {q: float(scales(levels, order)[0]) for order, q in enumerate(QUANTITIES)}
+        scale = {q: float(scales(self.levels, order, self.rests)[k]) for order, q in enumerate(QUANTITIES)}
         return Common(k=k, scale=scale)
+
+    @cached_property
+    def rests(self) -> Any:
+        """Whether each level (3, T) is nothing but rounding: laws have no rates up to its order but what that left."""
+        times, still = self.motion.t, np.zeros((3, len(self.motion.t)), bool)
+        laws = [law for constraint in self.scene.mechanism.constraints for law in constraint.laws]
+        for order in (1, 2):
+            rates = np.abs([law(times, order) + 0.0 * times for law in laws]).reshape(len(laws), len(times))
+            at_order = (rates <= RESTS * np.fmax.reduce(rates, axis=1, initial=0.0)[:, None]).all(axis=0)
+            still[order] = at_order if order == 1 else at_order & still[1]
+        return still
 
     @cached_property
     def decades(self) -> list[int | None]:
@@ -174,17 +187,28 @@ def rows_of(system: System, bodies: Sequence[str]) -> list[int]:
     return [k for body in bodies for k in range(system.n)[system.columns(body)]]
 
 
-def scales(levels: Sequence[Any], order: int) -> Any:
-    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1).
+def scales(levels: Sequence[Any], order: int, rests: Any) -> Any:
+    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component.
 
     Of an acceleration it is the square of the largest velocity where that is more: it is part of the sum in which it
-    was rounded. `levels` are position, velocity and acceleration of the reference (n, T), scaled.
+    was rounded. Where a rate rests it is the median of the other times, 1 if there are none.
+
+    Parameters
+    ----------
+    levels : sequence of (n, T) array
+        Position, velocity and acceleration of the reference, scaled.
+    order : int
+        Which of them.
+    rests : (3, T) array of bool
+        At which times each of them rests (`Reference.rests`).
     """
     if order == 0:
         return np.ones(levels[0].shape[1])
     velocity, level = (np.max(np.abs(levels[k]), axis=0) for k in (1, order))
     largest = np.maximum(level, velocity**order)
-    return np.where(largest == 0.0, 1.0, largest)
+    still = rests[order] | (largest == 0.0)
+    moving = largest[~still & np.isfinite(largest)]
+    return np.where(still, np.median(moving) if moving.size else 1.0, largest)
 
 
 def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)) -> tuple[Any, Any]:
@@ -245,7 +269,7 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
         theirs, ours = scaled(ref, motion.bodies, levels, at)
         differences = np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)])
         rows, where = rows_of(system, motion.bodies), slice(None) if samples.all() else samples
-        whole = [level[rows][:, at][:, where] for level in ref.levels]
+        whole, rests = [level[rows][:, at][:, where] for level in ref.levels], ref.rests[:, at][:, where]
         signed[:, rows] = np.where(samples, differences, np.nan)
         allowed = budget.levels[list(levels)][:, rows][..., at]
         if ref.passive:
@@ -258,7 +282,7 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
             ratios[off == 0.0] = 0.0
             error[:, where], ratio[:, where] = np.max(off, axis=1), np.max(ratios, axis=1)
             proved = [np.nan_to_num(getattr(ref.motion.certified_radius, QUANTITIES[k]))[at][where] for k in levels]
-            relative = (error[:, where] + proved) / np.array([scales(whole, k) for k in levels])
+            relative = (error[:, where] + proved) / np.array([scales(whole, k, rests) for k in levels])
             digits[:, where] = np.minimum(MOST_DIGITS, -np.log10(relative))
         places = np.argmax(np.fmax(ratios, 0.0).reshape(len(levels), -1), axis=1).tolist()
         worst = [_place(system, motion, motion.t[where], place) for place in places]

@@ -90,7 +90,7 @@ def rounding_digits(ref: Reference) -> dict[str, Any]:
     for level, quantity in enumerate(QUANTITIES):
         allowed = np.max(budget.levels[level], axis=0) / SAFETY
         with np.errstate(divide="ignore", invalid="ignore"):
-            digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels, level)))
+            digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels, level, ref.rests)))
         left[quantity] = np.where(budget.compared, digits, np.nan)
     return left
 

@@ -48,7 +48,8 @@ class CertifiedTruth:
             raise NoTruth(f"{scene.name}: no pose is certified, so no digit has a price: {motion.message}")
         self.bodies = [body.name for body in scene.mechanism.bodies]
         self._rows = np.concatenate([np.r_[self.ref.system.columns(body)] for body in scene.wanted])
-        self._scales = [scales([x[self._rows][:, self.known] for x in self.ref.levels], k) for k in range(3)]
+        of_rows, rests = [x[self._rows][:, self.known] for x in self.ref.levels], self.ref.rests[:, self.known]
+        self._scales = [scales(of_rows, k, rests) for k in range(3)]
         levels = attainable_levels(self.ref, self.known)
         parts = [np.max(a[self._rows], axis=0) / scale for (a, _), scale in zip(levels, self._scales, strict=True)]
         self.attainable = dict(zip(QUANTITIES, map(_digits, parts), strict=False))

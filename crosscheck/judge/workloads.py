@@ -157,7 +157,7 @@ def of_spatial_loops(work: SpatialLoops, pieces: Iterable[AnswerPiece]) -> Accur
         if compared.missing:
             largest = ratio = np.inf
         for order, quantity in enumerate(compared.quantities.values()):
-            largest = max(largest, float(np.nanmax(quantity.error / scales(ref.levels, order), initial=0.0)))
+            largest = max(largest, float(np.nanmax(quantity.error / scales(ref.levels, order, ref.rests), initial=0.0)))
             ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
     return Accuracy(largest, ratio, count, uncompared, levels)
 

@@ -56,6 +56,7 @@ from crosscheck.judge.records import Cause
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
+from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
 from refkin.motion import Status
@@ -544,6 +545,23 @@ def test_digits_of_an_acceleration_count_from_the_square_of_the_velocity_where_t
 
     assert compare(ref, off).quantities["acceleration"].digits == pytest.approx(5.0 + np.log10(scale), abs=1e-6)
     assert ref.common.scale["acceleration"] == pytest.approx(scale)
+
+
+def test_a_mechanism_at_rest_has_the_digits_of_one_that_moves():
+    """At the turning point of its law nothing is left of a velocity but rounding: of that no answer has a digit."""
+    law = refkin.Sinusoid(amplitude=0.4, angular_frequency=2.0, offset=1.0, phase=0.5 * np.pi)
+    scene = LINKAGE.scene(law=law, times=(0.0, 0.2, 0.4, 0.6))
+    ref, truth = reference(scene), CertifiedTruth(scene)
+    moving = np.max(np.abs(ref.levels[1]), axis=0)
+    off = replace(ref.motion, qd=ref.motion.qd + 1e-9)
+    digits = compare(ref, off).quantities["velocity"].digits
+
+    assert moving[0] < 1e-15 * moving[1]
+    assert digits[0] == pytest.approx(-np.log10(1e-9 / np.median(moving[1:])), abs=1e-6)
+    assert digits[1:] == pytest.approx(-np.log10(1e-9 / moving[1:]), abs=1e-6)
+    assert min(truth.attainable.values()) > 14.0
+    assert truth.digits(off.qd, 1)[0] == pytest.approx(digits.min(), abs=1e-5)
+    assert reference(LINKAGE.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,))).common.scale["velocity"] == 1.0
 
 
 def test_where_nothing_can_be_allowed_to_first_order_any_change_is_felt():
