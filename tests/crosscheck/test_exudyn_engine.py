@@ -40,6 +40,7 @@ from .exact_linkages import (
     slider_crank,
     turned_on,
 )  # fmt: skip
+from .space_scenes import rssr_by_a_cylinder
 
 CASES: dict[str, Callable[[], Case]] = {
     **LINKAGES,
@@ -291,3 +292,29 @@ def test_poses_are_extrapolated_through_fewer_where_times_nearly_coincide(near):
         before = np.append(np.zeros(BACK), times)[k : k + BACK]
         assert weights[k].sum() == pytest.approx(1.0, abs=1e-12)
         assert weights[k] @ before == pytest.approx(times[k], abs=0.11)  # the step, at worst
+
+
+def below_zero(scene: refkin.Scene) -> refkin.Scene:
+    """The same scene, its driven distance given by a law below zero: our row has its square."""
+    *others, driver = scene.mechanism.drivers
+    below = replace(driver, law=Polynomial(coefficients=tuple(-c for c in driver.law.coefficients)))
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(*others, below)))
+
+
+def by_a_cylinder() -> refkin.Scene:
+    """A crank that a cylinder turns."""
+    pivot = refkin.Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="crank", point_j=(-0.5, 0.0))
+    at, law = {"body_i": GROUND, "point_i": (1.5, 0.0)}, Polynomial(coefficients=(1.0, 0.1))
+    cylinder = refkin.DistanceDriver(name="cylinder", **at, body_j="crank", point_j=(0.5, 0.0), law=law)
+    crank = Body(name="crank", estimate=(0.5, 0.1, 0.6))
+    return refkin.Scene(mechanism=refkin.Mechanism((crank,), (pivot,), (cylinder,)), times=(0.0, 0.1, 0.2))
+
+
+@pytest.mark.parametrize("scene", [by_a_cylinder(), rssr_by_a_cylinder()], ids=["plane", "space"])
+def test_a_distance_given_below_zero_is_the_distance(scene: refkin.Scene) -> None:
+    """exudyn takes none, and was said to have no answer."""
+    record = check(below_zero(scene), ["exudyn"])
+
+    assert record.disagreements == []
+    assert [answer.missing for answer in record.answers] == [0, 0]
+    assert {row.level for row in record.levels} == {"residual", "jacobian", "constraint_velocity", "drift"}

@@ -61,9 +61,9 @@ def test_two_coinciding_points_of_a_distance_joint_are_an_engine_error() -> None
             ask(q, 0.0)
 
 
-def test_a_driven_distance_that_is_not_positive_is_an_engine_error_that_names_driver_and_time() -> None:
+def test_a_driven_distance_of_zero_is_an_engine_error_that_names_driver_and_time() -> None:
     model = Exudyn().constraints(loose_scene("cylinder"))
-    model.clock.laws[0] = Tabulated(Sinusoid(amplitude=1.0, angular_frequency=1.0, offset=-2.0))
+    model.clock.laws[0] = Tabulated(Sinusoid(amplitude=0.0, angular_frequency=1.0))
 
     with pytest.raises(EngineError, match=r"driver 'cylinder 0' at t = 0\.5: .*must be positive"):
         model.residual(np.zeros(6), 0.5)
@@ -173,5 +173,5 @@ def test_a_length_that_exudyn_does_not_take_leaves_no_other_at_its_time(name: st
     rows = model.residual(q, 0.0)
 
     with pytest.raises(EngineError, match="driver 'b' at"):
-        model.residual(q, 2.0)
+        model.residual(q, 1.5)
     np.testing.assert_array_equal(model.residual(q, 0.0), rows)

@@ -25,7 +25,8 @@ class ExudynSystem:
     """exudyn's system of a mechanism and its solvers of a pose: what models of the plane and of space share.
 
     A row that is the length of a driven distance is exudyn's |d| - f, which knows no f'. The map from ours,
-    x = (d . d - f^2) / 2 = y (y + 2 f) / 2, would depend on time; so it is turned into x: x_q = |d| y_q.
+    x = (d . d - f^2) / 2 = y (y + 2 f) / 2, would depend on time; so it is turned into x: x_q = |d| y_q. Of a law below
+    zero, which our square does not tell from its absolute value, exudyn is given that.
 
     It has n coordinates and m rows, which may depend on each other if it is `redundant`; its static Newton, by its
     `settings`, stops by an absolute tolerance alone.
@@ -53,7 +54,7 @@ class ExudynSystem:
         self.data.SetODE2Coordinates_t(np.zeros(self.n), CURRENT)
 
     def lengths(self) -> Sequence[tuple[int, float]]:
-        """Return exudyn's row and f of each driven distance at the present time."""
+        """Return exudyn's row and |f| of each driven distance at the present time."""
         raise NotImplementedError
 
     def equations(self, *, of_velocity: bool = False) -> Array:
@@ -264,11 +265,11 @@ class ExudynModel(ExudynSystem):
             return
         self._distances_at = math.nan  # a length that exudyn does not take leaves the others set
         for _, line, law in self._driven:
-            self.set_length(line.item, line.name, t, self.clock.values[law][0])
+            self.set_length(line.item, line.name, t, abs(self.clock.values[law][0]))
         self._distances_at = t
 
     def lengths(self) -> Sequence[tuple[int, float]]:
-        return [(row, self.clock.values[law][0]) for row, _, law in self._driven]
+        return [(row, abs(self.clock.values[law][0])) for row, _, law in self._driven]
 
 
 def quiet_settings() -> Any:

@@ -200,9 +200,9 @@ class ExudynSpace(ExudynSystem):
         self.f = [float(drive.value(t)) for _, _, drive in self.driven]
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == "length":
-                if not f > 0.0:
+                if not abs(f) > 0.0:
                     raise EngineError(f"exudyn: driver {line.name!r} at t = {t!r}: a distance of {f!r}")
-                self.set_length(line.item, line.name, t, f)
+                self.set_length(line.item, line.name, t, abs(f))
             elif line.what == "dot":
                 self.mbs.SetObjectParameter(line.item, "rotationMarker1", line.hold.frame_i @ about_z(f))
             else:
@@ -219,7 +219,7 @@ class ExudynSpace(ExudynSystem):
 
     def lengths(self) -> Sequence[tuple[int, float]]:
         moved = zip(self.f, self.driven, strict=True)
-        return [(self.live[k], f) for f, (k, line, _) in moved if line.what == "length"]
+        return [(self.live[k], abs(f)) for f, (k, line, _) in moved if line.what == "length"]
 
     def residual(self, q: Array, t: float) -> Array:
         """Return its rows (m,) at a configuration; that of a driven distance as (d . d - f^2) / 2."""
