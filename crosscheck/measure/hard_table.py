@@ -38,7 +38,7 @@ def listed(spec: str) -> list[tuple[str, str, str]] | EngineError:
 
 
 def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
-    """Return the outcome of one method on one case, and what there is to say of it. Runs in a process of its own.
+    """Return the outcome of one method on one case, and what there is to say of it. Runs in another process.
 
     The job is what `crosscheck.engines.load` takes, name and setting of a method, and a case's key.
     """
