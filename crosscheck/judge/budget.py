@@ -107,7 +107,8 @@ class Propagation:
     `levels` are its coordinates and rates (n, T), `e` the errors of the residuals of the three levels (m, T) before an
     engine adds its own, `solving` what solving for rates adds to the levels, `size` what stands in their equations,
     `rates` the largest rate, acceleration and square of a rate (T,), `rounding` what handing a result over costs, and
-    `radius` (T,) how far the reference itself may be off; NaN where it has no certificate.
+    `radius` (T,) how far the reference itself may be off; NaN where it has no certificate. Where a level `rests`,
+    (3, T) of bool, nothing is left of the right side of its equations but rounding.
     """
 
     system: System
@@ -122,6 +123,7 @@ class Propagation:
     rates: tuple[Any, Any, Any]
     rounding: tuple[Any, Any, Any]
     radius: tuple[Any, Any, Any]
+    rests: Any
 
     @cached_property
     def both(self) -> Any:
@@ -218,6 +220,8 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
     e_gamma = SAFETY * off_by(slope, qdd, gamma)[1]
     rate = np.max(np.abs(qd), axis=0)
+    e = tuple(e + table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma)))
+    still, steady = ((np.abs(right) <= off).all(axis=0) for (right, _), off in zip((nu, gamma), e[1:], strict=True))
     carry = carried(system, q, qd, qdd, t)
     return Propagation(
         system=system,
@@ -226,12 +230,13 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         samples=samples,
         count=len(motion.t),
         carried=carry,
-        e=tuple(e + table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
+        e=e,
         solving=carry.of_norm(_solve_error(moving), _solve_error(bending)),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
+        rests=np.array([np.zeros_like(still), still, still & steady]),
     )
 
 

@@ -20,9 +20,6 @@ from refkin.motion import Motion, Status
 from refkin.solving.solve import nearest
 from refkin.system import System, compile_system
 
-RESTS = 2.0**-46
-"""A law's rate of this part of its largest, or less, is rounding: of the sum from which it comes nothing is left."""
-
 
 @dataclass(frozen=True)
 class Reference:
@@ -63,14 +60,10 @@ class Reference:
 
     @cached_property
     def rests(self) -> Any:
-        """Whether each level (3, T) is nothing but rounding: laws have no rates up to its order but what that left."""
-        times, still = self.motion.t, np.zeros((3, len(self.motion.t)), bool)
-        laws = [law for constraint in self.scene.mechanism.constraints for law in constraint.laws]
-        for order in (1, 2):
-            rates = np.abs([law(times, order) + 0.0 * times for law in laws]).reshape(len(laws), len(times))
-            at_order = (rates <= RESTS * np.fmax.reduce(rates, axis=1, initial=0.0)[:, None]).all(axis=0)
-            still[order] = at_order if order == 1 else at_order & still[1]
-        return still
+        """Whether laws leave each level (3, T) nothing but rounding: it has no digits of its own there."""
+        rests = np.zeros((3, len(self.motion.t)), bool)
+        rests[:, self.propagation.samples] = self.propagation.rests
+        return rests
 
     @cached_property
     def decades(self) -> list[int | None]:

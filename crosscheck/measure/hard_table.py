@@ -183,8 +183,17 @@ def _rows(
             for n, (_, key) in enumerate(asked, done * len(asked)):
                 answer = next(answers)
                 if isinstance(answer, Failure):
-                    answer = call_each(outcome_of, jobs[n : n + 1], seconds)[0]
+                    answer = _alone(jobs[n], answer, seconds)
                 yield _row(key, case, answer, len(cases), known)
+
+
+def _alone(job: tuple[str, str, str, str], first: Failure, seconds: float) -> Any:
+    """Return the outcome of a job in a process that no other engine has had, with what came of it in the other one."""
+    answer = call_each(outcome_of, [job], seconds)[0]
+    if isinstance(answer, Failure):
+        return answer
+    verdict, note = answer
+    return verdict, "; ".join(filter(None, (note, f"in a process with other engines: {first.name}")))
 
 
 def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known: Sequence[Finding]) -> Row:

@@ -29,8 +29,8 @@ from refkin.scenes.files import parse
 
 CYCLE, BULK = 73, 1000
 """Of a scene with more times so many, evenly spread, are one cycle; so many poses over the same time are bulk."""
-JUDGED = 10
-"""In bulk one pose in so many is held against the truth."""
+JUDGED = 9
+"""In bulk one pose in so many is judged: the first, the last, and between them some in any part of a block."""
 SAMPLED = 4
 """So many poses of the cycle stand for the one pose that is needed now: each starts at the one before it."""
 SHARES = {"one": 0.25, "cycle": 0.55, "bulk": 1.0}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import EngineError, Level
+from crosscheck.engines import EngineError, EngineRefusal, Level
 from crosscheck.engines.exudyn import model as exudyn_model
 from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.exudyn import readings as exudyn_readings
@@ -61,11 +61,11 @@ def test_two_coinciding_points_of_a_distance_joint_are_an_engine_error() -> None
             ask(q, 0.0)
 
 
-def test_a_driven_distance_of_zero_is_an_engine_error_that_names_driver_and_time() -> None:
+def test_a_driven_distance_of_zero_is_a_refusal_that_names_driver_and_time() -> None:
     model = Exudyn().constraints(loose_scene("cylinder"))
     model.clock.laws[0] = Tabulated(Sinusoid(amplitude=0.0, angular_frequency=1.0))
 
-    with pytest.raises(EngineError, match=r"driver 'cylinder 0' at t = 0\.5: .*must be positive"):
+    with pytest.raises(EngineRefusal, match=r"driver 'cylinder 0' at t = 0\.5: .*must be positive"):
         model.residual(np.zeros(6), 0.5)
 
 

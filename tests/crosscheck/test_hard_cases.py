@@ -322,6 +322,8 @@ def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table
         assert row["class"] == ("documented limit" if explained else None)
         assert row["quote"] == ("it may take long (its manual)" if explained else None)
         assert row["note"].startswith({"crash": "crash (SIGSEGV): ", "correct": "well", "hang": "hang: "}[verdict])
+        shared = "kite" in case.case and name == "newton"
+        assert row["note"].endswith("well; in a process with other engines: error") is shared
     assert crashed
     assert unexplained(rows) == [row for row in rows if row["verdict"] != "correct" and not row["class"]]
 

@@ -564,6 +564,13 @@ def test_a_mechanism_at_rest_has_the_digits_of_one_that_moves():
     assert reference(LINKAGE.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,))).common.scale["velocity"] == 1.0
 
 
+def test_a_rate_that_is_small_and_known_is_no_rest():
+    law = Polynomial(coefficients=(0.3, 0.0, 0.0, 0.0, 0.5))
+    ref = reference(LINKAGE.scene(law=law, times=(0.0, 1e-6, 1.0)))
+
+    assert ref.rests.tolist() == [[False] * 3, [True, False, False], [True, False, False]]
+
+
 def test_where_nothing_can_be_allowed_to_first_order_any_change_is_felt():
     ref, off = solved(), solved().motion
     on, budget = replace(off, q=off.q * (1.0 + 2.0**-52)), ref.budget()

@@ -23,7 +23,7 @@ from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
 from crosscheck.measure.check import key_of
 from crosscheck.measure.price import PriceList, price
-from crosscheck.measure.price_process import BULK, CYCLE, PriceQuestion, measure, nearest_first, questions
+from crosscheck.measure.price_process import BULK, CYCLE, JUDGED, PriceQuestion, measure, nearest_first, questions
 from crosscheck.report.measured import measured
 from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
@@ -530,11 +530,19 @@ def test_a_method_that_steps_in_time_goes_one_pose_before_the_one_that_is_new(se
     assert timings(sent, "plain")["one", 0] == pytest.approx(1e-2 + 1e-4)
 
 
+def test_in_bulk_the_first_pose_and_the_last_are_judged_and_others_in_any_part_of_a_block():
+    judged = range(0, BULK, JUDGED)
+
+    assert judged[-1] == BULK - 1
+    assert all(len({k % block for k in judged}) == block for block in (8, 16, 64, 100))
+
+
 def test_what_has_no_answer_in_bulk_is_priced_but_there(sent):
     digits = {message[1][1]: message[3] for message in sent if message[0] == "digits"}
 
     assert {poses for poses, _ in timings(sent, "cycles alone")} == {"cycle", "one"}
-    assert digits["cycles alone"]["position"] == (None, f"no answer at {BULK // 10} of {BULK // 10} times")
+    judged = len(range(0, BULK, JUDGED))
+    assert digits["cycles alone"]["position"] == (None, f"no answer at {judged} of {judged} times")
     assert min(digits["plain"][quantity][0] for quantity in ("position", "velocity", "acceleration")) > 12.0
 
 

@@ -97,11 +97,15 @@ class ExudynSystem:
         return values
 
     def set_length(self, item: Any, name: str, t: float, length: float) -> None:
-        """Set a driven distance; EngineError if exudyn takes none of that length."""
+        """Set a driven distance; EngineError if exudyn takes none of that length, and a refusal if that is zero.
+
+        There its row has no gradient, nor has ours.
+        """
         try:
             self.mbs.SetObjectParameter(item, "distance", length)
         except exu.ExudynValueError as error:
-            raise EngineError(f"exudyn: driver {name!r} at t = {t!r}: {error}") from error
+            kind = EngineError if length else EngineRefusal
+            raise kind(f"exudyn: driver {name!r} at t = {t!r}: {error}") from error
 
     def newton(self, tolerance: float) -> bool:
         """Let its static Newton go from where exudyn stands; return whether it reached a norm of the residual."""

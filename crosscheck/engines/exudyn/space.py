@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from exudyn import itemInterface as item
 
-from crosscheck.engines import EngineError, EngineRefusal, Level, Term
+from crosscheck.engines import EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.exudyn.readings import OUT, ExudynRow, Readings, product
 from crosscheck.engines.frames import Length, Linear, RowMap
@@ -200,8 +200,6 @@ class ExudynSpace(ExudynSystem):
         self.f = [float(drive.value(t)) for _, _, drive in self.driven]
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == "length":
-                if not abs(f) > 0.0:
-                    raise EngineError(f"exudyn: driver {line.name!r} at t = {t!r}: a distance of {f!r}")
                 self.set_length(line.item, line.name, t, abs(f))
             elif line.what == "dot":
                 self.mbs.SetObjectParameter(line.item, "rotationMarker1", line.hold.frame_i @ about_z(f))
