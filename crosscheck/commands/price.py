@@ -15,16 +15,7 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
-from crosscheck.judge.prices import (
-    CONTENDS,
-    POSES,
-    STEPS,
-    SUFFIX,
-    Cheapest,
-    PriceRow,
-    cheapest,
-    repeated,
-)
+from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, Cheapest, PriceRow, cheapest, repeated
 from crosscheck.judge.records import read_file
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.check import key_of

@@ -8,14 +8,7 @@ from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 
-from crosscheck.commands.engines import (
-    ENGINES,
-    agreement_table,
-    arbiter_table,
-    names,
-    refusal_lines,
-    rows_table,
-)
+from crosscheck.commands.engines import ENGINES, agreement_table, arbiter_table, names, refusal_lines, rows_table
 from crosscheck.commands.usage import Json, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import told

@@ -60,11 +60,7 @@ def by_itself(scene: Scene, *, features: bool = False, expected: Status = Status
     expected : Status
         The verdict that the scene was made for: another one is the reference's fault.
     """
-    return {
-        "scene": to_dict(scene),
-        "about": {"of_features": features, "expected": expected.value},
-        "arbiter": True,
-    }
+    return {"scene": to_dict(scene), "about": {"of_features": features, "expected": expected.value}, "arbiter": True}
 
 
 def check_job(job: Mapping[str, Any]) -> Record | Failure:

@@ -165,12 +165,7 @@ def _approach(case: str, d: float, linkage: Linkage, end: float, side: float, dr
 
 
 def _made(
-    case: str,
-    d: float,
-    linkage: Linkage,
-    times: Sequence[float],
-    law: tuple[float, float] = UP,
-    driven: str = "crank",
+    case: str, d: float, linkage: Linkage, times: Sequence[float], law: tuple[float, float] = UP, driven: str = "crank"
 ) -> HardCase:
     """Return the case whose input follows a law, on the open branch."""
 

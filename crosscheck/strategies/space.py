@@ -65,10 +65,7 @@ def spatial_scenes(
 
 @st.composite
 def _spatial(
-    draw: DrawFn,
-    wanted: tuple[tuple[str, Region], ...],
-    decades: tuple[float, float],
-    samples: int,
+    draw: DrawFn, wanted: tuple[tuple[str, Region], ...], decades: tuple[float, float], samples: int
 ) -> Spatial:
     kind, region = draw(st.sampled_from(wanted), label="kind and region")
     size = draw_size(draw, (1e-2, 1e2))

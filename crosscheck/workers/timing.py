@@ -139,11 +139,7 @@ def versions() -> dict[str, str]:
 
 def machine() -> dict[str, Any]:
     """Return what it was measured on."""
-    return {
-        "system": f"{platform.system()} {platform.machine()}",
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-    }
+    return {"system": f"{platform.system()} {platform.machine()}", "processor": _processor(), "cores": os.cpu_count()}
 
 
 def _processor() -> str:

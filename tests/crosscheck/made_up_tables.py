@@ -260,12 +260,7 @@ def conforming() -> Any:
     made_rows = [
         hard_table._row(("a", m, ""), case, answer, 7, known) for m in "bc" for case in turn[:2] for answer in answers
     ]
-    return [
-        told,
-        [case.key for case in turn],
-        made_rows,
-        len(hard_table.unexplained(made_rows)),
-    ]
+    return [told, [case.key for case in turn], made_rows, len(hard_table.unexplained(made_rows))]
 
 
 def handed(shake: Shake) -> Any:

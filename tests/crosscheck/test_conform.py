@@ -115,10 +115,7 @@ def test_an_engine_with_one_wrong_joint_is_told_which(kind, tmp_path):
             "motion = replace(motion, bodies=motion.bodies[:1], q=motion.q[:3], qd=motion.qd[:3], qdd=motion.qdd[:3])",
             "WRONG: position is no answer for coupler, rocker (method 'made up')",
         ),
-        (
-            "motion = replace(motion, q=motion.q[:, :-1])",
-            "WRONG: q has shape (9, 6), not (9, 7): 3 rows a body",
-        ),
+        ("motion = replace(motion, q=motion.q[:, :-1])", "WRONG: q has shape (9, 6), not (9, 7): 3 rows a body"),
         ("motion = motion.q", "WRONG: expected a refkin.motion.Motion, got ndarray (method 'made up')"),
     ],
     ids=["acceleration", "velocity", "no velocity", "one body", "shape", "no motion"],

@@ -20,9 +20,7 @@ from crosscheck.engines.exudyn import readings as exudyn_readings
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.poses import Tabulated
-from refkin.joints import (
-    Distance,
-)
+from refkin.joints import Distance
 from refkin.motion_laws import Polynomial, Sinusoid
 
 from .loose_rows import KINDS, disagreement, loose_scene

@@ -12,15 +12,7 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineError, load
-from crosscheck.judge.hard_poses import (
-    GRANTED,
-    HardOutcome,
-    PoseSample,
-    least_error,
-    residual_error,
-    samples,
-    truths,
-)
+from crosscheck.judge.hard_poses import GRANTED, HardOutcome, PoseSample, least_error, residual_error, samples, truths
 from crosscheck.judge.known_gaps import Finding
 from crosscheck.measure import hard_table
 from crosscheck.measure.hard_table import classed, hard_case_rows, outcome_of, unexplained

@@ -8,15 +8,7 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck.judge.known_gaps import (
-    ENOUGH,
-    PREDICATES,
-    InvalidGap,
-    KnownGap,
-    Tally,
-    read,
-    read_findings,
-)
+from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, InvalidGap, KnownGap, Tally, read, read_findings
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check
 

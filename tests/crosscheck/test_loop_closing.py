@@ -216,10 +216,7 @@ def test_a_time_without_answer_does_not_end_the_march() -> None:
 
 def interrupted(until: float) -> Toy:
     """x = t^2 / 2, but no answer after t = 0.3 and before another time."""
-    return straight(
-        phi=lambda q, t: [math.nan if 0.3 < t < until else q[0] - 0.5 * t * t],
-        rate=lambda t: [t],
-    )
+    return straight(phi=lambda q, t: [math.nan if 0.3 < t < until else q[0] - 0.5 * t * t], rate=lambda t: [t])
 
 
 def test_where_a_motion_goes_on_the_times_after_follow_from_there() -> None:

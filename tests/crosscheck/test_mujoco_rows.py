@@ -14,11 +14,7 @@ from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Driven, Plan
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.tree.joint_tree import joint_tree
-from refkin.joints import (
-    Distance,
-    Fixed,
-    Revolute,
-)
+from refkin.joints import Distance, Fixed, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.system import compile_system
 

@@ -84,10 +84,7 @@ def test_an_engine_that_is_right_owes_nothing():
         (lambda motion: replace(motion, q=None), "q: expected an array of floats, got NoneType"),
         (lambda motion: replace(motion, status=None), "status: expected a tuple, got NoneType"),
         (lambda motion: replace(motion, bodies=None), "bodies: expected a tuple, got NoneType"),
-        (
-            lambda motion: replace(motion, bodies=([], *motion.bodies[1:])),
-            "it answers for [], which the scene has not",
-        ),
+        (lambda motion: replace(motion, bodies=([], *motion.bodies[1:])), "it answers for [], which the scene has not"),
         (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
         (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
         (lambda motion: replace(motion, q=np.rint(motion.q).astype(int)), "q: expected an array of floats, got int64"),

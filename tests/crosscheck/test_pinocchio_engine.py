@@ -19,11 +19,7 @@ from crosscheck.engines.pinocchio.model import PlanarModel
 from crosscheck.engines.pinocchio.rows import PointToLine, Rows, TwoPoints
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN
 from crosscheck.judge.comparison import compare, reference
-from refkin.joints import (
-    Prismatic,
-    XDriver,
-    YDriver,
-)
+from refkin.joints import Prismatic, XDriver, YDriver
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial

@@ -30,15 +30,7 @@ from refkin.solving.starts import diagnose, find_start
 from refkin.solving.sweep import Sweep
 from refkin.system import EVERYTHING, System, compile_system
 from tests.kept import Bound
-from tests.refkin.asked import (
-    bounds,
-    first_pose,
-    moved,
-    poses,
-    summed,
-    system_of,
-    unsigned,
-)
+from tests.refkin.asked import bounds, first_pose, moved, poses, summed, system_of, unsigned
 from tests.refkin.proof_questions import certified, curves, in_balls, laws, numbers, paths
 
 

@@ -12,17 +12,7 @@ from flint import arb, ctx
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
-from refkin.proof.numbers.bounded import (
-    Bounded,
-    Bounds,
-    Extended,
-    InputError,
-    Times,
-    bounded_system,
-    box,
-    off_by,
-    read,
-)
+from refkin.proof.numbers.bounded import Bounded, Bounds, Extended, InputError, Times, bounded_system, box, off_by, read
 from refkin.proof.numbers.exact import exact, exact_system
 from refkin.system import compile_system
 

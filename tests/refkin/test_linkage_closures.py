@@ -12,15 +12,7 @@ import pytest
 
 from refkin.errors import InvalidScene
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.scenes.linkages import (
-    ANYWHERE,
-    Branch,
-    DoesNotAssemble,
-    FourBar,
-    InvertedSliderCrank,
-    Linkage,
-    SliderCrank,
-)
+from refkin.scenes.linkages import ANYWHERE, Branch, DoesNotAssemble, FourBar, InvertedSliderCrank, Linkage, SliderCrank
 from refkin.scenes.linkages.closures import corner, leg, link_to_line, two_links
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near

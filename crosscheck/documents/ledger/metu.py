@@ -88,10 +88,7 @@ def b2(n: Arithmetic, given: Given) -> Values:
     """The coupled example: Newton with the right equations, and with the Jacobian and the right side as printed."""
     m, pose, start = coupled(n, given)
     system = metu.slotted(m)
-    wrong = {
-        "printed Jacobian": with_printed_jacobian(m),
-        "printed right side": with_printed_residual(m),
-    }
+    wrong = {"printed Jacobian": with_printed_jacobian(m), "printed right side": with_printed_residual(m)}
     values: Values = {
         "error": [_largest(q - pose) for q in n.newton(system, start, 4).iterates],
         "b1, c1, a1": [m.b1, m.c1, m.a1],

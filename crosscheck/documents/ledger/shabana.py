@@ -102,10 +102,7 @@ def d5(n: Arithmetic, given: Given) -> Values:
     links = shabana.CrankAndRod(l2, l3)
     theta3 = n.arcsin(links.position(h, theta2, 1)[0])
     velocity_ = links.velocity(theta2, theta3, rate)
-    return {
-        "theta3', x'": velocity_,
-        "theta3'', x''": links.acceleration(theta2, theta3, (rate, velocity_[0]), second),
-    }
+    return {"theta3', x'": velocity_, "theta3'', x''": links.acceleration(theta2, theta3, (rate, velocity_[0]), second)}
 
 
 def _driven(n: Arithmetic, given: Given) -> Polynomial:

@@ -175,11 +175,7 @@ class CrankAndRod(NamedTuple):
             crank, rod = (np.array([-arm[1], arm[0]]) for arm in self._arms(q))
             out = np.zeros((12, 12), np.result_type(q, crank))
             out[(0, 1, 2), (0, 1, 2)] = 1
-            for row, columns, turning in (
-                (3, 3, ((5, -crank),)),
-                (5, 3, ((5, crank), (8, rod))),
-                (7, 6, ((8, rod),)),
-            ):
+            for row, columns, turning in ((3, 3, ((5, -crank),)), (5, 3, ((5, crank), (8, rod))), (7, 6, ((8, rod),))):
                 out[(row, row + 1), (columns, columns + 1)] = 1
                 for column, slope in turning:
                     out[row : row + 2, column] = slope

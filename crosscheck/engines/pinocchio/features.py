@@ -224,8 +224,7 @@ EFFECTS = {
         _filled(lowerDryFrictionLimit=-1.0, upperDryFrictionLimit=1.0),
     ),
     "joint limits": Switch(
-        f"every joint limited to 1e-3 about zero, {UNREAD}",
-        _filled(lowerPositionLimit=-1e-3, upperPositionLimit=1e-3),
+        f"every joint limited to 1e-3 about zero, {UNREAD}", _filled(lowerPositionLimit=-1e-3, upperPositionLimit=1e-3)
     ),
     "passive forces": Switch(f"damping 1 in every joint, {UNREAD}", _filled(damping=1.0)),
     "actuation": Switch(

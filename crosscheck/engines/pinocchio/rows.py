@@ -16,15 +16,7 @@ import pinocchio as pin
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point, unwrap_near
-from crosscheck.engines.pinocchio.model import (
-    WORLD_AXES,
-    PlacedFrame,
-    PlanarModel,
-    Points,
-    Read,
-    Scaling,
-    unit_vector,
-)
+from crosscheck.engines.pinocchio.model import WORLD_AXES, PlacedFrame, PlanarModel, Points, Read, Scaling, unit_vector
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.scenes.names import QUANTITIES
 from refkin.joints import Element, GuidedPoint, PointsCoincide, RelativeAngle

@@ -16,18 +16,7 @@ from refkin.joints import GROUND, Constraint, Cylindrical, SpatialDistance, Spat
 from refkin.joints.spatial_frames import frame, unit_vector
 from refkin.joints.spatial_vectors import Vec3
 from refkin.scenes.linkages.closures import DoesNotAssemble
-from refkin.scenes.linkages.spatial_base import (
-    AT,
-    Place,
-    SpatialLinkage,
-    X,
-    Y,
-    Z,
-    pose_of,
-    revolute,
-    spherical,
-    turned,
-)
+from refkin.scenes.linkages.spatial_base import AT, Place, SpatialLinkage, X, Y, Z, pose_of, revolute, spherical, turned
 
 Frame = tuple[Vec3, Vec3, Vec3, Vec3]
 GROUND_FRAME: Frame = (Vec3(*AT), Vec3(*X), Vec3(*Y), Vec3(*Z))
