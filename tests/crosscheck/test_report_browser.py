@@ -170,18 +170,13 @@ def test_without_scripts_every_mark_and_table_is_there_and_the_first_screen_is_w
         assert without.page.locator(selector).is_visible()
 
 
-def test_without_scripts_a_section_unfolds(opened: Any) -> None:
+def test_without_scripts_a_section_unfolds_and_no_button_is_offered_that_does_nothing(opened: Any) -> None:
     page = opened(java_script_enabled=False).page
     inside = page.locator("#method h3").first
     assert not inside.is_visible()
     page.locator("#method summary").first.click()
 
     assert inside.is_visible()
-
-
-def test_without_scripts_no_button_is_offered_that_does_nothing(opened: Any) -> None:
-    page = opened(java_script_enabled=False).page
-
     assert [button for button in page.locator("button").all() if button.is_visible()] == []
 
 

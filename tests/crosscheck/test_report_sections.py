@@ -99,6 +99,8 @@ def test_what_was_not_measured_says_so_in_its_section(tmp_path: Path) -> None:
 
     assert [report[name] for name in ("price", "effects", "hard_cases")] == [None] * 3
     assert page.count('<p class="none">Not measured in this run.</p>') == 6
+    assert report["poses"]["marks"] == []
+    assert "The records of this run hold no poses." in page
 
 
 def test_rows_that_were_measured_stand_in_the_report_as_they_came(tmp_path: Path) -> None:
@@ -408,13 +410,6 @@ def test_factor_of_an_error_is_round_and_makes_it_as_visible_as_it_may_be(limit:
 
     assert limit / 2.51 < factor <= limit
     assert f"{factor:.9e}"[0] in "125"
-
-
-def test_records_without_poses_make_a_page_without_pictures(tmp_path: Path) -> None:
-    report, page = reported(tmp_path)
-
-    assert report["poses"]["marks"] == []
-    assert "The records of this run hold no poses." in page
 
 
 def test_the_worst_of_each_decade_is_pictured_once(tmp_path: Path) -> None:

@@ -431,16 +431,12 @@ LAW = "f", 0
 
 
 def test_samples_on_the_other_branch_are_noticed_though_their_residual_is_round_off(monkeypatch):
+    """With continuity and signs skipped they are answered: only the comparison with the reference sees them then."""
     scene = bare(ROCKER.scene(samples=200))
     monkeypatch.setattr(module, "newton", mirrored)
 
     assert module.attempt(scene) is None
 
-
-def test_without_the_checks_of_the_branch_they_would_be_answered(monkeypatch):
-    """Continuity and signs skipped: the residual alone sees nothing, so the comparison with the reference must."""
-    scene = bare(ROCKER.scene(samples=200))
-    monkeypatch.setattr(module, "newton", mirrored)
     monkeypatch.setattr(module._Task, "_on_branch", lambda task, space, guess: np.ones(space.samples, bool))
     motion = module.attempt(scene)
 
