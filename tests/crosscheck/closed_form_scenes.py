@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,16 +109,9 @@ def cylinder(d, p):
     d.pin("3", "ground", p[2])
 
 
-def watt(d, p):
+def six_bar(link, d, p):
     four_bar(d, p)
-    d.pin("3", "4", p[4])
-    d.pin("4", "5", p[5])
-    d.pin("5", "ground", p[6])
-
-
-def stephenson(d, p):
-    four_bar(d, p)
-    d.pin("2", "4", p[4])
+    d.pin(link, "4", p[4])
     d.pin("4", "5", p[5])
     d.pin("5", "ground", p[6])
 
@@ -186,8 +180,8 @@ TOPOLOGIES = {
     "inverted_slider_crank": (inverted_slider_crank, by_crank, 3),
     "inverted_massless_block": (inverted_massless_block, by_crank, 2),
     "cylinder": (cylinder, lambda d, p: d.drive_distance("1", "2", p[3], p[5]), 3),
-    "watt": (watt, by_crank, 5),
-    "stephenson": (stephenson, by_crank, 5),
+    "watt": (partial(six_bar, "3"), by_crank, 5),
+    "stephenson": (partial(six_bar, "2"), by_crank, 5),
     "coupler_point_slides": (coupler_point_slides, by_crank, 5),
     "two_sliders": (two_sliders, lambda d, p: d.drive_x("1", p[6]), 2),
     "double_slider": (double_slider, lambda d, p: d.drive_y("1", p[6]), 3),

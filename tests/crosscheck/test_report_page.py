@@ -117,6 +117,11 @@ def rich(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, Any]:
     return page, json.loads((folder / "report.json").read_text())
 
 
+@pytest.fixture(scope="module")
+def page(rich: Any) -> Page:
+    return rich[0]
+
+
 def test_text_of_records_never_becomes_an_element_or_an_attribute(tmp_path: Path) -> None:
     plain_folder, ended, gaps = rich_run(tmp_path / "plain")
     plain = page_of(plain_folder, ended, gaps=gaps)
@@ -127,18 +132,12 @@ def test_text_of_records_never_becomes_an_element_or_an_attribute(tmp_path: Path
     assert [(n.tag, set(n.attributes)) for n in plain.nodes] == [(n.tag, set(n.attributes)) for n in nasty.nodes]
 
 
-def test_page_loads_nothing(rich: Any) -> None:
-    page, _ = rich
+def test_page_loads_nothing_and_names_no_address(page: Page) -> None:
     for node in page.nodes:
         assert node.tag not in {"link", "img", "iframe", "object", "embed", "image", "use", "form", "base"}
         assert (node.attributes.get("href") or "#").startswith("#")
         assert not {"src", "srcset", "xlink:href", "style", "action"} & node.attributes.keys()
         assert not [name for name in node.attributes if name.startswith("on")]
-
-
-def test_page_names_no_address_and_its_style_imports_none(rich: Any) -> None:
-    page, _ = rich
-
     assert not re.search(r"https?:|url\(|@import|//\w", page.source)
 
 
@@ -146,8 +145,7 @@ def hashed(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-def test_content_policy_allows_nothing_but_the_page_s_own_style_and_script(rich: Any) -> None:
-    page, _ = rich
+def test_content_policy_allows_nothing_but_the_page_s_own_style_and_script(page: Page) -> None:
     (policy,) = [n for n in page.all("meta") if n.attributes.get("http-equiv") == "Content-Security-Policy"]
     style, script = re.search(r"<style>(.*?)</style>.*<script>(.*?)</script>", page.source, re.S).groups()
 
@@ -163,31 +161,26 @@ def test_no_text_of_a_record_can_end_the_data_of_the_script(tmp_path: Path) -> N
     assert "alert(1)" not in page.text(page.all("script")[-1])
 
 
-def test_page_has_language_title_and_one_main_landmark(rich: Any) -> None:
-    page, _ = rich
-
+def test_page_has_language_title_and_one_main_landmark(page: Page) -> None:
     assert page.all("html")[0].attributes["lang"] == "en"
     assert page.text(page.all("title")[0])
     assert (len(page.all("main")), len(page.all("h1"))) == (1, 1)
 
 
-def test_headings_leave_no_level_out(rich: Any) -> None:
-    page, _ = rich
+def test_headings_leave_no_level_out(page: Page) -> None:
     levels = [int(n.tag[1]) for n in page.all("h1", "h2", "h3", "h4")]
 
     assert all(b - a <= 1 for a, b in pairwise(levels))
 
 
-def test_ids_are_unique_and_every_link_has_its_target(rich: Any) -> None:
-    page, _ = rich
+def test_ids_are_unique_and_every_link_has_its_target(page: Page) -> None:
     ids = [n.attributes["id"] for n in page.nodes if "id" in n.attributes]
 
     assert len(ids) == len(set(ids))
     assert {n.attributes["href"] for n in page.all("a")} <= {f"#{name}" for name in ids}
 
 
-def test_every_table_has_a_caption_scopes_and_a_box_of_its_own_to_scroll_in(rich: Any) -> None:
-    page, _ = rich
+def test_every_table_has_a_caption_scopes_and_a_box_of_its_own_to_scroll_in(page: Page) -> None:
     for table in page.all("table"):
         inside = [n for n in page.nodes if table in n.parents]
         assert [n for n in inside if n.tag == "caption" and page.text(n)]
@@ -195,8 +188,7 @@ def test_every_table_has_a_caption_scopes_and_a_box_of_its_own_to_scroll_in(rich
         assert table.inside(class_="scroll")
 
 
-def test_every_drawing_is_named_or_hidden_and_has_a_table_beside_it(rich: Any) -> None:
-    page, _ = rich
+def test_every_drawing_is_named_or_hidden_and_has_a_table_beside_it(page: Page) -> None:
     for drawing in page.all("svg"):
         if drawing.attributes.get("aria-hidden") == "true":
             continue
@@ -242,16 +234,11 @@ def test_every_row_at_a_glance_is_what_report_json_says(tmp_path: Path) -> None:
     assert sorted(own) == sorted(ROUTES)  # the same by every method
 
 
-def test_missing_engine_has_a_row_that_says_so_for_every_quantity(rich: Any) -> None:
-    rows = glance_rows(rich[0])
+def test_missing_engine_has_a_row_for_every_quantity_and_a_level_nobody_answered_reads_no_answer(page: Page) -> None:
+    rows = glance_rows(page)
 
     for name in QUANTITIES:
         assert rows[name.capitalize(), "exudyn"] == ["no answer: the engine is missing"]
-
-
-def test_level_nobody_answered_reads_no_answer(rich: Any) -> None:
-    rows = glance_rows(rich[0])
-
     assert rows["The engine's own Jacobian, phi_q", "pinocchio"] == ["no answer in any scene"]
 
 
@@ -286,8 +273,7 @@ def test_only_a_pass_has_the_sign_and_the_colour_of_one(tmp_path: Path) -> None:
     assert values == [("pass", "✓"), ("fail", "✕")]
 
 
-def test_new_disagreement_shows_its_minimal_scene_and_how_to_replay_it(rich: Any) -> None:
-    page, _ = rich
+def test_new_disagreement_shows_its_minimal_scene_and_how_to_replay_it(page: Page) -> None:
     code = [page.text(n) for n in page.all("code")]
 
     assert "crosscheck replay disagreements/a-mujoco-newton-velocity.toml" in code
@@ -319,8 +305,7 @@ def test_digits_figure_has_one_mark_per_bin_and_line(tmp_path: Path) -> None:
     assert len(digits) == 2 * len(QUANTITIES) * (2 + 1)
 
 
-def test_every_mark_says_what_it_is_and_one_of_each_drawing_can_be_reached_by_tab(rich: Any) -> None:
-    page, _ = rich
+def test_every_mark_says_what_it_is_and_one_of_each_drawing_can_be_reached_by_tab(page: Page) -> None:
     marks: dict[int, list[Node]] = {}
     for n in page.all("g"):
         if "data-mark" in n.attributes:
@@ -344,14 +329,14 @@ def contrast(a: str, b: str) -> float:
 
 
 @pytest.mark.parametrize("paper", ["#fdfdfc", "#14171a"])
-def test_first_five_series_stand_out_from_the_paper(rich: Any, paper: str) -> None:
-    assert paper in rich[0].source
+def test_first_five_series_stand_out_from_the_paper(page: Page, paper: str) -> None:
+    assert paper in page.source
     for colour in COLOURS[1:5]:
         assert contrast(colour, paper) > 2.9, colour
 
 
-def test_text_colours_are_readable_on_their_paper(rich: Any) -> None:
-    css = rich[0].text(rich[0].all("style")[0])
+def test_text_colours_are_readable_on_their_paper(page: Page) -> None:
+    css = page.text(page.all("style")[0])
     pairs = dict(re.findall(r"--(\w+): light-dark\((#[0-9a-f]{6}, #[0-9a-f]{6})\)", css))
     themes = [{name: pair.split(", ")[k] for name, pair in pairs.items()} for k in (0, 1)]
 

@@ -15,6 +15,8 @@ import refkin
 from refkin import FourBar, InvertedSliderCrank, Polynomial, Sinusoid, SliderCrank, Status, analysis
 from refkin.system import compile_system
 
+from .hard_cases import with_law
+
 ROOT = Path(__file__).parents[2]
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
@@ -99,11 +101,6 @@ def test_it_agrees_with_what_is_proved(linkage, branch):
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     left = [np.abs(system.phi(q, t)).max() for q, t in zip(system.to_unit(plain.q).T, plain.t, strict=True)]
     assert plain.residual.tolist() == left
-
-
-def with_law(scene, law):
-    driver = replace(scene.mechanism.drivers[0], law=law)
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
 
 
 def test_a_dead_centre_is_singular_and_nothing_is_said_after_it():

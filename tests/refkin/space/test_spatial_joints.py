@@ -45,18 +45,21 @@ def test_the_jacobian_is_the_derivative_of_the_residual_on_and_off_the_unit_leng
     np.testing.assert_allclose(system.phi_q(q, T), exact, rtol=0, atol=64 * U * max(1.0, np.max(np.abs(exact))))
 
 
+STEP = 1e-100
+
+
+def gamma_by_step(system, q, qd):
+    """Return gamma at time T, by a complex step of phi_q qd - nu along the motion."""
+    at, t = q + 1j * STEP * qd, T + 1j * STEP
+    return -np.imag(system.phi_q(at, t) @ qd - system.nu(at, t)) / STEP
+
+
 @EACH
 @pytest.mark.parametrize("length", LENGTHS)
 def test_nu_and_gamma_are_derivatives_of_the_residual_on_and_off_the_unit_length(constraint, length):
     system = alone(constraint)
     q, qd = anywhere(system, 2, length)
-    h = 1e-100
-
-    def rate(s):
-        at, t = q + s * qd, T + s
-        return system.phi_q(at, t) @ qd - system.nu(at, t)
-
-    nu, gamma = -np.imag(system.phi(q, T + 1j * h)) / h, -np.imag(rate(1j * h)) / h
+    nu, gamma = -np.imag(system.phi(q, T + 1j * STEP)) / STEP, gamma_by_step(system, q, qd)
 
     scale = max(1.0, np.max(np.abs(qd)) ** 2 * np.max(np.abs(system.phi_q(q, T))))
     np.testing.assert_allclose(system.nu(q, T), nu, rtol=0, atol=64 * U * max(1.0, np.max(np.abs(nu))))
@@ -234,15 +237,10 @@ def test_the_equations_of_a_linkage_have_a_row_for_each_unit_length_and_hold_off
     mechanism = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene(start=0.4).mechanism
     system = compile_system(mechanism, unit=mechanism.unit())
     q, qd = np.random.default_rng(7).normal(size=(2, system.n))
-    h = 1e-100
-
-    def rate(s):
-        at, t = q + s * qd, T + s
-        return system.phi_q(at, t) @ qd - system.nu(at, t)
 
     assert (system.m, system.n) == (21, 21)
     np.testing.assert_allclose(system.phi_q(q, T), jacobian(lambda x: system.phi(x, T), q), rtol=0, atol=1e-14)
-    np.testing.assert_allclose(system.gamma(q, qd, T), -np.imag(rate(1j * h)) / h, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(system.gamma(q, qd, T), gamma_by_step(system, q, qd), rtol=0, atol=1e-12)
 
 
 def test_coordinates_and_rates_of_a_turning_body_are_those_of_its_rotation_matrix():
