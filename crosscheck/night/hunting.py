@@ -119,14 +119,7 @@ class Bag:
     def add(self, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> dict[Target, float]:
         """Keep what is worse in a scene than anything before, and return how bad it is.
 
-        Parameters
-        ----------
-        best : mapping
-            Name of each engine -> its best method: the others are not hunted.
-        record, scene : Record, Scene
-            What was measured of which scene.
-        origin : str
-            Where the scene is from.
+        `best` has the best method of each engine: the others are not hunted. `origin` says where the scene is from.
         """
         self.scenes += 1
         if record.failure is not None:

@@ -81,10 +81,7 @@ class Compiled:
     def proof(self, zeros: Known) -> Workspaces | None:
         """Return the certificate of answers on all called-for levels; None if a program cannot give it.
 
-        Parameters
-        ----------
-        zeros : tuple
-            As `known`, those numbers of the geometry that are 0 exactly: what rounding made 0 is a number like others.
+        `zeros` are, as `known`, the numbers of the geometry that are 0 exactly: what rounding made 0 is not.
         """
         if zeros not in self._proofs:
             square = self.system.m == self.system.n

@@ -175,14 +175,9 @@ class Drawing:
         return np.array([points.min(axis=1), points.max(axis=1)])
 
     def arrows(self, k: int, rate: str) -> list[Shape]:
-        """Return the velocities or accelerations of joint points and wanted points at the k-th time as arrows.
+        """Return velocities or accelerations of joint points and wanted points at the k-th time as arrows.
 
-        Parameters
-        ----------
-        k : int
-            Number of the time among those that are shown.
-        rate : {"velocity", "acceleration"}
-            Of each kind the largest at any time is `LONGEST`.
+        Of each kind the largest at any time is `LONGEST`.
 
         Raises
         ------

@@ -23,13 +23,9 @@ class MissingPackage(RefkinError, ImportError):
 
 
 def columns(motion: Any) -> Iterator[tuple[str, str, str, str, Any]]:
-    """Yield what, quantity, level, unit and values (T,) of each column beyond time and status.
+    """Yield what, quantity, level, unit and values (T,) of each column of a Motion or Path beyond time and status.
 
     What is a body, a point or a cam, in the order of the motion; levels that were not called for have no columns.
-
-    Parameters
-    ----------
-    motion : Motion or Path
     """
     names, units, width = motion.kind.coordinates, UNITS[motion.kind.name], motion.kind.width
     for level, rows in enumerate(motion.levels):

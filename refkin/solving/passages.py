@@ -151,12 +151,7 @@ def _seen_nearer(system: System, t: Any, q: Any, between: Any) -> bool:
 def over_a_range(sweep: Any, target: float) -> Any:
     """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
 
-    Parameters
-    ----------
-    sweep : refkin.solving.sweep.Sweep
-        At a regular pose.
-    target : float
-        The time [s].
+    The sweep is at a regular pose.
     """
     start = sweep.t[-1]
     moving = moving_law(sweep.system, start, target)
@@ -287,17 +282,7 @@ class Winding:
         return bool(back)
 
     def wound(self, q: Any, t: float, turns: int) -> Any:
-        """Return the pose so many turns after another; None if it is not there.
-
-        Parameters
-        ----------
-        q : (n,) array
-            A pose of the system, in its coordinates.
-        t : float
-            The time of the pose that is asked for [s].
-        turns : int
-            Whole turns of the wheel, of either sign.
-        """
+        """Return the pose at t so many turns of the wheel, of either sign, after another; None if it is not there."""
         guess = np.array(q)
         guess[self.loops] += turns * self.closed[self.loops]
         guess = self.placed(guess, t)

@@ -58,10 +58,6 @@ def nearest(scene: Scene) -> SceneMotion:
 
     A proof knows the solution better than the answer that it is about, by Newton's step in extended precision: next to
     singular poses by two digits and more. Where rows are redundant, it stays the answer.
-
-    Parameters
-    ----------
-    scene : Scene
     """
     return _solved(scene, certified=False, moved=True)
 

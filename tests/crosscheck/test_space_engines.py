@@ -242,7 +242,7 @@ def test_the_closed_form_keeps_assemblies_that_were_chosen_and_proves_none_absen
 
     assert np.min(np.linalg.norm(other.run()["rocker"].x.part("v", other.count) - first, axis=0)) > 0.1
     for assembly in (chosen, other):
-        assert not _proved_absent(scene, assembly, 113, np.ones(assembly.count, bool)).any()
+        assert not _proved_absent(scene, assembly, np.ones(assembly.count, bool)).any()
 
 
 def test_between_two_times_a_number_is_as_low_as_the_cubic_through_its_values_and_rates() -> None:

@@ -39,7 +39,7 @@ from crosscheck.engines import (
 from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar
 from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution, rows_of
-from crosscheck.engines.closed_form.space_motion import space_closed
+from crosscheck.engines.closed_form.space_motion import BITS, space_closed
 from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Status
@@ -53,8 +53,6 @@ EXPRESSED = (
 """The elements that it has."""
 
 ROUTE = route_by("closed form", "float", "none", linear_solve_by="closed form", drift_by="second-order jets")
-BITS = 113
-"""Precision of the balls that prove that nothing assembles."""
 
 OPEN = 1e-6
 """Closure of the loops, relative to the scaled coordinates, above which floats show a fault of this program."""
@@ -116,7 +114,7 @@ class ClosedForm(Adapter):
     def answer(self, scene: Scene, producer: Producer) -> Motion:
         """Return the motion of a scene, of the plane by dyads; one is refused that is redundant, or not of class II."""
         if in_space(scene.mechanism):
-            return space_closed(scene, producer, BITS)
+            return space_closed(scene, producer)
         extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
         if extra > 0:
             raise EngineRefusal(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")

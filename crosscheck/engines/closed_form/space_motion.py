@@ -20,6 +20,8 @@ from crosscheck.engines.spatial.turning import parameters
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Status
 
+BITS = 113
+"""Precision of the balls that prove that nothing assembles."""
 OPEN = 1e-7
 """Gap of a joint [sizes] above which floats show a fault of this program, or a linkage that does not close."""
 GRID, FINER = 33, 4
@@ -27,14 +29,8 @@ GRID, FINER = 33, 4
 Array = Any
 
 
-def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
-    """Return the motion of a scene of space; EngineError if its bodies do not follow, or a joint is left open.
-
-    Parameters
-    ----------
-    scene, producer, bits : Scene, Producer, int
-        Bits of the balls that prove that there is no assembly.
-    """
+def space_closed(scene: Scene, producer: Producer) -> Motion:
+    """Return the motion of a scene of space; EngineError if its bodies do not follow, or a joint is left open."""
     numbers = numbers_of(scene.mechanism)
     assembly = SpatialAssembly(scene, Floats())
     with np.errstate(all="ignore"):
@@ -42,7 +38,7 @@ def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
             placed = assembly.run()
         except NotPlaced as error:
             raise EngineRefusal(f"closed_form refuses {scene.name!r}: {error}") from error
-        status = _statuses(scene, assembly, bits)
+        status = _statuses(scene, assembly)
         known = np.array([s is Status.OK for s in status])
         levels = coordinates(*_read([placed[name] for name in numbers.bodies], known, len(scene.times)))
     gaps = np.array([_gap(hold, placed, len(scene.times)) for hold in numbers.holds]).max(axis=0)
@@ -76,7 +72,7 @@ def _vector_of(m: Array) -> Array:
     return 0.5 * np.stack([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]], axis=1)
 
 
-def _statuses(scene: Scene, assembly: SpatialAssembly, bits: int) -> tuple[Status, ...]:
+def _statuses(scene: Scene, assembly: SpatialAssembly) -> tuple[Status, ...]:
     """Return what the roots say: no assembly if balls prove it, singular where two meet, lost from then on."""
     count, t = len(scene.times), np.array(scene.times)
     absent, small, unsure = np.zeros((3, count), bool)
@@ -88,7 +84,7 @@ def _statuses(scene: Scene, assembly: SpatialAssembly, bits: int) -> tuple[Statu
     first = np.flatnonzero(unsure & ~absent & ~small & ~np.append((absent | small)[1:], False))
     lost_after = next((t[k] for k in first if _meets_zero(scene, assembly, t[k], t[k + 1])), np.inf)
     lost_after = min([lost_after, *t[absent | small][:1]])
-    proved = _proved_absent(scene, assembly, bits, absent) if absent.any() else absent
+    proved = _proved_absent(scene, assembly, absent) if absent.any() else absent
     status = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
     status = np.where(small, Status.SINGULAR, status)
     status = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), status)
@@ -117,10 +113,10 @@ def _lowest_between(t: Array, value: Array, rate: Array) -> Array:
     return cubic.min(axis=0) if len(t) > 1 else np.ones(0)
 
 
-def _proved_absent(scene: Scene, assembly: SpatialAssembly, bits: int, absent: Array) -> Array:
+def _proved_absent(scene: Scene, assembly: SpatialAssembly, absent: Array) -> Array:
     """Return at which of the times `absent` balls prove that a root does not exist; nothing else is known of them."""
     proved = np.zeros(len(absent), bool)
-    with ctx.workprec(bits):
+    with ctx.workprec(BITS):
         times = tuple(t for t, there in zip(scene.times, absent, strict=True) if there)
         exact = SpatialAssembly(replace(scene, times=times), Balls(), dict(assembly.choices))
         exact.run()

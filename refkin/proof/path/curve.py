@@ -63,16 +63,9 @@ class Curve:
 
     @classmethod
     def through(cls, system: System, q: Any, times: Any) -> Curve:
-        """Return the curve with the unit of t in which the fastest driver moves by 1, judged at the given times.
+        """Return the curve through a pose (n,), with the unit of t in which the fastest driver moves by 1.
 
-        Parameters
-        ----------
-        system : System
-            Compiled in its mechanism's own unit.
-        q : (n,) array
-            A pose on the curve, in the system's coordinates.
-        times : sequence of float
-            At which the drivers' rates are compared [s].
+        Drivers' rates are compared at the times [s]; the system is compiled in its mechanism's own unit.
         """
         rate = float(np.max([np.abs(system.nu(q, float(t))) for t in times]))
         unit = 1.0 / rate if rate else 1.0
@@ -141,14 +134,9 @@ class Curve:
         )
 
     def stepped(self, x: Any, tangent: Any, h: float) -> Any:
-        """Return the point of the curve at a step along the tangent; None if Newton does not contract to one.
+        """Return the point of the curve at a step h from x along its unit tangent, in the units of `scale`.
 
-        Parameters
-        ----------
-        x, tangent : (n + 1,) array
-            A point of the curve and its unit tangent.
-        h : float
-            Length of the step, in the units of `scale`.
+        None if Newton does not contract to one.
         """
         result = self.corrected(x + h * tangent, tangent)
         if not (result.converged and is_pose(result) and contracts(np.max(np.abs(result.corrections), axis=1))):

@@ -70,15 +70,7 @@ class ConnectionProof:
     last: Enclosure | None = field(default=None, init=False)
 
     def connects(self, t_0: float, t_1: float, q_0: Any, q_1: Any) -> bool:
-        """Return whether it is proved that two poses belong to one motion.
-
-        Parameters
-        ----------
-        t_0, t_1 : float
-            Their times [s].
-        q_0, q_1 : (n,) array
-            The poses, in the system's coordinates.
-        """
+        """Return whether it is proved that two poses (n,), at their times [s], belong to one motion."""
         first = self.last if self.last is not None and self.last.t == t_0 else krawczyk(self.system, q_0, t_0, BITS)
         self.last = last = krawczyk(self.system, q_1, t_1, BITS)
         if first is None or last is None:

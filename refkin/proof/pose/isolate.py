@@ -111,12 +111,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
 def are_sharp(bounds: Sequence[Any], levels: Sequence[Any]) -> Any:
     """Return at which poses (B,) float64 says enough: its bounds of position and rates are not `BLURRED`.
 
-    Parameters
-    ----------
-    bounds : sequence of (B,) array
-        Proved errors of the largest component.
-    levels : sequence of (n, B) array or None
-        The position, and as many rates as there are.
+    `bounds` are proved errors of the largest component, `levels` position and as many rates (n, B) as there are.
     """
     sharp = bounds[0] <= BLURRED
     for bound, rate in zip(bounds[1:], levels[1:], strict=False):
