@@ -97,6 +97,7 @@ def test_digits_are_measured_and_not_what_the_setting_says(made_up):
 
     assert row.digits == pytest.approx(3.0, abs=1e-6)
     assert "fewer digits than at the looser setting 'tolerance 1e-9'" in row.note
+    assert not [r for r in made_up.rows if r.method == "honest" and "fewer" in r.note]
 
 
 def test_digits_are_those_of_the_calls_that_are_timed(made_up):
@@ -104,10 +105,6 @@ def test_digits_are_those_of_the_calls_that_are_timed(made_up):
     row = row_of(made_up, "stale")
 
     assert (row.digits, row.digits_one) == pytest.approx((3.0, 3.0), abs=1e-6)
-
-
-def test_a_setting_that_keeps_its_word_is_not_suspected(made_up):
-    assert not [r for r in made_up.rows if r.method == "honest" and "fewer" in r.note]
 
 
 def test_a_time_without_an_answer_leaves_no_digits(made_up):
@@ -118,18 +115,11 @@ def test_a_time_without_an_answer_leaves_no_digits(made_up):
 
 
 @pytest.mark.parametrize(("route", "told"), [("crashes", "SIGSEGV"), ("raises", "ValueError: no such thing")])
-def test_a_method_that_fails_is_a_row_that_says_how(made_up, route, told):
+def test_a_method_that_fails_is_a_row_that_says_how_and_costs_no_other_its_price(made_up, route, told):
     row = row_of(made_up, route)
 
-    assert (row.digits, row.microseconds) == (None, None)
+    assert (row.digits, row.microseconds, row.newton_by) == (None, None, "nobody")
     assert told in row.note
-
-
-def test_who_ran_newton_is_told_of_a_method_that_crashes_too(made_up):
-    assert row_of(made_up, "crashes").newton_by == "nobody"
-
-
-def test_a_crash_costs_no_other_method_its_price(made_up):
     assert row_of(made_up, "right").microseconds > 0.0
 
 

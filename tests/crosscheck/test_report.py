@@ -118,17 +118,15 @@ def test_worst_ratio_is_the_largest_of_the_records_and_names_its_record(sampled:
     assert {"ratio": actual["ratio"], **place, **actual["worst"]} == cell["worst"]
 
 
-def test_own_rows_stand_under_the_method_and_drift_is_called_gamma(sampled: Any) -> None:
+def test_own_rows_stand_under_the_method_and_were_handed_the_configuration_and_drift_is_called_gamma(
+    sampled: Any,
+) -> None:
     report, _, records = sampled
     drift = [int(d) / 10 for r in records for d, n in r["levels"][0]["digits"].items() for _ in range(n)]
 
     cell = report["engines"]["mujoco"]["newton"]["gamma"]
     assert np.quantile(drift, 0.5, method="inverted_cdf") == cell["digits_median"]
-
-
-def test_jacobian_keeps_its_ratio_and_was_handed_the_configuration(sampled: Any) -> None:
-    cell = sampled[0]["engines"]["mujoco"]["newton"]["jacobian"]
-
+    cell = report["engines"]["mujoco"]["newton"]["jacobian"]
     assert (cell["worst_over_allowed"], cell["seeding"], cell["newton_by"]) == (0.75, "configuration", "none")
 
 
@@ -143,17 +141,13 @@ def test_every_cell_has_every_key_that_is_promised(sampled: Any) -> None:
 
 
 def test_who_did_what_is_what_the_records_say(sampled: Any) -> None:
-    cell = sampled[0]["engines"]["pinocchio"]["joint tree"]["position"]
+    """And a quantity that nobody compared has no number at all."""
+    cells = sampled[0]["engines"]["pinocchio"]["joint tree"]
+    who = {key: WHO[key] for key in ("seeding", "newton_by", "linear_solve_by", "drift_by")}
 
-    assert {key: WHO[key] for key in ("seeding", "newton_by", "linear_solve_by", "drift_by")}.items() <= cell.items()
-
-
-def test_a_quantity_nobody_compared_has_no_number_at_all(sampled: Any) -> None:
-    cell = sampled[0]["engines"]["pinocchio"]["joint tree"]["jacobian"]
-
-    numbers = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed", "worst")
-    assert [cell[key] for key in numbers] == [None] * 5
-    assert cell["scenes"] == 0
+    assert who.items() <= cells["position"].items()
+    numbers = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed", "worst", "scenes")
+    assert [cells["jacobian"][key] for key in numbers] == [None] * 5 + [0]
 
 
 @given(st.dictionaries(st.integers(-20, 170), st.integers(1, 50), min_size=1), st.sampled_from([1, 50]))
