@@ -100,7 +100,7 @@ def test_the_figures_of_the_benchmark_are_those_of_its_records():
 
 
 def test_the_winners_that_are_said_to_repeat_are_those_of_the_record():
-    record = json.loads((ROOT / "reports/price-again-2026-11-28.json").read_text(encoding="utf-8"))
+    record = json.loads((ROOT / "reports/price-again-2026-11-29.json").read_text(encoding="utf-8"))
     text = (ROOT / "docs/howto/cost.md").read_text(encoding="utf-8")
 
     assert f"{sum(one['same'] for one in record)} of {sum(one['pairs'] for one in record)} winners" in text
