@@ -178,11 +178,12 @@ def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) ->
 
 
 def _best(offers: Sequence[Offer], unasked: Sequence[Offer]) -> dict[str, Any] | None:
-    """Return the best of some offers; that it differs is not said where one that was not asked may be cheaper."""
+    """Return the best of some offers; it is said to differ where none that was not asked, or once, may be cheaper."""
     if not offers:
         return None
     second = offers[1] if len(offers) > 1 else None
-    known = all(other.microseconds > CONTENDS * offers[0].microseconds for other in unasked)
+    unsure = [*unasked, *(offer for offer in offers[1:] if offer.spread is None)]
+    known = all(other.microseconds > CONTENDS * offers[0].microseconds for other in unsure)
     differs = known and second is not None and offers[0].differs(second)
     return {**asdict(offers[0]), "second": None if second is None else asdict(second), "differs": differs}
 

@@ -177,6 +177,14 @@ def test_the_second_best_is_that_of_another_method():
     assert (value["method"], value["second"]["method"], value["second"]["microseconds"]) == ("newton", "chord", 6.5)
 
 
+def test_a_winner_differs_only_where_no_other_that_was_called_once_may_be_cheaper():
+    """The first call of a method took twice what it takes: its twin was said to win."""
+    rows = [priced(9.0, 5.0), priced(9.0, 6.5, "chord")]
+    once = [replace(priced(9.0, price, "twin"), spread=None) for price in (14.9, 15.1)]
+
+    assert [best([*rows, one])["9"]["differs"] for one in once] == [False, True]
+
+
 @pytest.mark.parametrize(("price", "differs"), [(5.9, False), (6.5, True)])
 def test_two_prices_differ_if_their_difference_exceeds_the_spread_of_both(price, differs):
     assert best([priced(9.0, 5.0), priced(9.0, price, "chord")])["9"]["differs"] is differs
