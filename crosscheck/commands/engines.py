@@ -65,7 +65,7 @@ def capability_table(engines: Iterable[Engine]) -> Table:
 def agreement_table(record: Record) -> Table:
     """Return engine and method x quantity: worst digits and worst error / allowed, and who did what.
 
-    Where fewer poses are judged than were answered (the stopping rule bounds nothing there) the cell says how many.
+    Where digits are counted at fewer poses than were answered, as where no budget holds, the cell says at how many.
     """
     numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst\ndigits", ">error/\nallowed")]
     rows = []

@@ -178,12 +178,16 @@ def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) ->
 
 
 def _best(offers: Sequence[Offer], unasked: Sequence[Offer]) -> dict[str, Any] | None:
-    """Return the best of some offers; it is said to differ where none that was not asked, or once, may be cheaper."""
+    """Return the best of some offers, and the second: one that was called once and may be cheaper, if there is one.
+
+    That it differs is not said where one that was not asked may be cheaper.
+    """
     if not offers:
         return None
-    second = offers[1] if len(offers) > 1 else None
-    unsure = [*unasked, *(offer for offer in offers[1:] if offer.spread is None)]
-    known = all(other.microseconds > CONTENDS * offers[0].microseconds for other in unsure)
+    may_be = CONTENDS * offers[0].microseconds
+    unsure = (offer for offer in offers[1:] if offer.spread is None and offer.microseconds <= may_be)
+    second = next(unsure, offers[1] if len(offers) > 1 else None)
+    known = all(other.microseconds > may_be for other in unasked)
     differs = known and second is not None and offers[0].differs(second)
     return {**asdict(offers[0]), "second": None if second is None else asdict(second), "differs": differs}
 

@@ -245,6 +245,8 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     ------
     UnknownName
         If the scene has no driver of that name.
+    InvalidRequest
+        If a joint of one's own has laws that are no fields of it: they cannot be held.
     """
     m, t = scene.mechanism, scene.times[0]
     if driver not in (d.name for d in m.drivers):
@@ -258,13 +260,17 @@ def driven_by(scene: Scene, driver: str) -> Scene:
 
 def _still(joint: Any, t: float) -> Any:
     """Return a joint whose laws, whichever its fields are, stay as they are at a time t [s]."""
+    held = [(law, Polynomial(coefficients=(float(law(t)),))) for law in joint.laws]
 
     def at_t(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(at_t, value))
-        return Polynomial(coefficients=(float(value(t)),)) if any(value is law for law in joint.laws) else value
+        return next((still for law, still in held if law is value), value)
 
-    return replace(joint, **{field.name: at_t(getattr(joint, field.name)) for field in fields(joint) if field.init})
+    still = replace(joint, **{field.name: at_t(getattr(joint, field.name)) for field in fields(joint) if field.init})
+    if [*still.laws] != [law for _, law in held]:
+        raise InvalidRequest(f"joint {joint.name!r}", "laws that are fields of it", repr(joint.laws))
+    return still
 
 
 class _Continuation:

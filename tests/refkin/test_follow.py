@@ -475,6 +475,25 @@ def test_along_the_value_of_a_driver_all_other_laws_stay_as_they_are_at_the_star
     assert path.q[:, -1] == pytest.approx([0.3, 0.0, 6.0, 0.0, 0.0, 0.9])
 
 
+def test_laws_of_a_joint_that_cannot_be_held_are_refused():
+    """They went on with the driver's value for time: wrong, and ok."""
+
+    class Slipping(Carried):
+        @property
+        def laws(self):
+            return tuple(Polynomial(coefficients=law.coefficients) for law in self.away)
+
+    away = Polynomial(coefficients=(0.1, 0.1)), Polynomial(coefficients=(0.0,))
+    pin = Slipping(name="A", body_i="ground", point_i=(0, 0), body_j="a", point_j=(0, 0), away=away)
+    still = replace(pin, away=(Polynomial(coefficients=(0.3,)), away[1]))
+    turn = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 2.0)))
+    scenes = [Scene(mechanism=Mechanism((Body(name="a"),), (one,), (turn,)), times=(2.0,)) for one in (pin, still)]
+
+    with pytest.raises(refkin.InvalidRequest, match=r"^joint 'A': expected laws that are fields of it, got \("):
+        driven_by(scenes[0], "motor")
+    assert driven_by(scenes[1], "motor").mechanism.joints == (still,)
+
+
 def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first():
     scene = driven_by(ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0, 5.0)), times=(0.1,)), "driver")
 
