@@ -557,6 +557,7 @@ def test_a_mechanism_at_rest_has_the_digits_of_one_that_moves():
     digits = compare(ref, off).quantities["velocity"].digits
 
     assert moving[0] < 1e-15 * moving[1]
+    assert ref.rests[:, 0].tolist() == [False, True, False]  # its acceleration is the law's
     assert digits[0] == pytest.approx(-np.log10(1e-9 / np.median(moving[1:])), abs=1e-6)
     assert digits[1:] == pytest.approx(-np.log10(1e-9 / moving[1:]), abs=1e-6)
     assert min(truth.attainable.values()) > 14.0
