@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
-from crosscheck.engines import Engine, in_space, load
+from crosscheck.engines import Engine, load
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.records import Cause, Record
 from crosscheck.measure.check import check, ended, key_of
-from crosscheck.scenes.drawing import COST_OF_SPACE, WELL_KNOWN, describe, draw, shortened
+from crosscheck.scenes.drawing import COSTS, WELL_KNOWN, describe, draw, shortened
 from crosscheck.scenes.names import pairs_of
 from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
@@ -35,8 +35,7 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     seen = job.get("seen", {})
     about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
     new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
-    costs = [COST_OF_SPACE if in_space(drawn.scene.mechanism) else 1.0 for drawn, _ in scenes]
-    best = max(range(len(new)), key=lambda k: new[k] / costs[k])
+    best = max(range(len(new)), key=lambda k: new[k] / COSTS.get(about[k]["kind"], 1.0))
     scene, known = scenes[best][0].scene, about[best]
     if job.get("shortened", _adds_nothing(known, seen)):
         return shortened(scene), {**known, "shortened": True}

@@ -28,6 +28,7 @@ from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.night.sections import job_of
 from crosscheck.scenes.drawing import (
     CHAINS_EVERY,
+    COSTS,
     WARM_UP,
     WELL_KNOWN,
     describe,
@@ -38,6 +39,8 @@ from crosscheck.scenes.drawing import (
     turn_of,
 )
 from crosscheck.scenes.names import FEATURES, pairs_of
+from crosscheck.strategies.chain_kinds import KINDS as CHAIN_KINDS
+from crosscheck.strategies.space_kinds import KINDS as SPACE_KINDS
 from crosscheck.workers import source
 from crosscheck.workers.pool import find_engines
 
@@ -45,7 +48,6 @@ from .fake_engines import EXIT, HANG, alive, crosscheck, engine_file, records_of
 from .report_records import record, typed
 
 NIGHT = 21
-EXAMPLES = Path(__file__).parents[2] / "examples"
 SHRINKING = 60.0
 """How long simplifying may take: some fifty scenes are enough, and a busy machine checks no more than two a second."""
 SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
@@ -201,15 +203,13 @@ def test_of_equal_scenes_that_with_the_least_number_counts_whichever_worker_was_
 
 
 def test_of_two_scenes_that_with_more_pairs_of_features_not_met_yet_is_checked(monkeypatch):
-    """And of one of the plane and one of space that is new in as much, the one that takes less time."""
+    """And of a slider-crank and an RSSR that is new in as much, the one that takes less time."""
     drawn = {0: ("angle", "table"), 7: ("y", "polynomial"), 14: ("x", "sine")}
-    plane, space = (refkin.load(EXAMPLES / f"{name}.toml").mechanism for name in ("slider-crank", "rssr"))
     kept = {"joints": "revolute", "class": "double-rocker", "hardness": "ordinary", "distance": 0.02}
-    of = lambda number: SimpleNamespace(mechanism=space if number == 14 else plane, number=number)  # noqa: E731
-    monkeypatch.setattr(jobs, "draw", lambda night, number: SimpleNamespace(scene=of(number)))
-    monkeypatch.setattr(
-        jobs, "describe", lambda one: {**kept, **dict(zip(("driver", "law"), drawn[one.scene.number], strict=True))}
-    )
+    monkeypatch.setattr(jobs, "draw", lambda night, number: SimpleNamespace(scene=SimpleNamespace(number=number)))
+    told = lambda one: dict(zip(("driver", "law"), drawn[one.scene.number], strict=True))  # noqa: E731
+    kinds = {number: "RSSR" if number == 14 else "slider-crank" for number in drawn}
+    monkeypatch.setattr(jobs, "describe", lambda one: {**kept, **told(one), "kind": kinds[one.scene.number]})
 
     def chosen(seen, *numbers):
         scene, about = jobs.scene_of({"night": 1, "shards": numbers, "seen": seen})
@@ -223,6 +223,10 @@ def test_of_two_scenes_that_with_more_pairs_of_features_not_met_yet_is_checked(m
     assert chosen(seen, 0, 7)[0] == 7
     assert chosen({}, 14, 7)[0] == 7
     assert chosen(dict.fromkeys(pairs_of(chosen({}, 7)[1]), 5), 14, 7)[0] == 14
+
+
+def test_kinds_that_take_longer_are_kinds_that_are_drawn():
+    assert {*COSTS} <= {*SPACE_KINDS, *CHAIN_KINDS, "five-bar with two drivers", "branching tree"}
 
 
 def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_times_and_drawn_so_again():
