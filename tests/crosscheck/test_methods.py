@@ -263,6 +263,7 @@ FASTEST = [
     ("exudyn", "MainSolverStatic.Newton, extrapolated"),
     ("mujoco", "mujoco.batch, all times at once"),
     ("mujoco", "Newton on free coordinates"),
+    ("pinocchio", "all times at once"),
     ("pinocchio", "Newton on free coordinates"),
 ]
 

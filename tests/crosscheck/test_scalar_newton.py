@@ -1,4 +1,6 @@
-"""Newton in plain floats, of the two engines that close no loops: right, as cheap as it says, and red if one lies."""
+"""Newton in plain floats and at all times at once, of the two engines that close no loops: right, as cheap as it says,
+and red if one lies.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Use, methods
+from crosscheck.engines.mujoco import methods as of_mujoco
 from crosscheck.engines.mujoco.methods import ConnectRows
+from crosscheck.engines.pinocchio import methods as of_pinocchio
 from crosscheck.engines.pinocchio.methods import Anchors
 from crosscheck.engines.tree.scalars import LIMITS
 from crosscheck.judge.truth import CertifiedTruth
@@ -26,7 +30,9 @@ from .test_planted_faults import FOUR_BAR, INVERTED, LAW, ROD, SLIDER, TIMES
 
 SCENES_OF_JOINTS = Path(__file__).parents[2] / "docs/scenes"
 NAME = "Newton on free coordinates"
+AT_ONCE = {"mujoco": "mujoco.batch, all times at once", "pinocchio": "all times at once"}
 ROWS = {"mujoco": ConnectRows, "pinocchio": Anchors}
+MANY = {"mujoco": of_mujoco.SampledLoops, "pinocchio": of_pinocchio.SampledLoops}
 LINKAGE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 CLOSED = {
@@ -43,15 +49,15 @@ CLOSED = {
 """Scenes whose loops revolute joints close, or distances."""
 
 
-def settings(producer):
-    listed = [one for one in methods(producer, Use.PRICE) if one.name == NAME]
+def settings(producer, name=NAME):
+    listed = [one for one in methods(producer, Use.PRICE) if one.name == name]
     assert len(listed) == len(LIMITS)
     return listed
 
 
-def digits(producer, scene, order=2):
+def digits(producer, scene, order=2, name=NAME):
     """Return the digits of its tightest setting by quantity."""
-    model, truth = settings(producer)[-1].model(scene), CertifiedTruth(scene)
+    model, truth = settings(producer, name)[-1].model(scene), CertifiedTruth(scene)
     levels = model.read(model.solve(order))
     assert len(levels) == order + 1
     return [truth.digits(level, k, levels[:k])[0] for k, level in enumerate(levels)]
@@ -70,7 +76,8 @@ def counted(producer, monkeypatch):
 @pytest.mark.parametrize("scene", CLOSED.values(), ids=CLOSED)
 @pytest.mark.parametrize("producer", ROWS)
 def test_every_level_is_as_right_as_double_precision_allows(producer, scene):
-    assert min(digits(producer, scene)) > 13.0
+    for name in (NAME, AT_ONCE[producer]):
+        assert min(digits(producer, scene, name=name)) > 13.0
 
 
 @pytest.mark.parametrize("producer", ROWS)
@@ -183,5 +190,15 @@ def test_a_wrong_number_of_an_engine_is_seen_in_what_it_spoils(producer, name, w
     right = getattr(ROWS[producer], name)
     monkeypatch.setattr(ROWS[producer], name, lambda *given: wrong(right(*given)))
     found = digits(producer, FOUR_BAR)
+
+    assert [k for k in range(3) if not found[k] > 12.0] == reds
+
+
+@pytest.mark.parametrize(("name", "reds"), [("gaps", [0, 1, 2]), ("slopes", [1, 2]), ("drift", [2])])
+@pytest.mark.parametrize("producer", MANY)
+def test_so_is_one_of_many_poses(producer, name, reds, monkeypatch):
+    right = getattr(MANY[producer], name)
+    monkeypatch.setattr(MANY[producer], name, lambda *given: right(*given) + 1e-7)
+    found = digits(producer, FOUR_BAR, name=AT_ONCE[producer])
 
     assert [k for k in range(3) if not found[k] > 12.0] == reds

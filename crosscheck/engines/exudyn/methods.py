@@ -152,6 +152,8 @@ class Static:
 
     def solve(self, step: Any, order: int) -> list[Any]:
         """Return the levels up to an order."""
+        if len(self.times) == 1 and self.model.plain:
+            return self._one(step, self.scene.times[0], order)
         levels = np.full((order + 1, len(self.times), len(self.start)), np.nan)
         q, start, since, weights = levels[0], self.start, 0, self.weights
         for k, t in enumerate(self.scene.times):
@@ -167,6 +169,13 @@ class Static:
         for level, rates in zip(levels[1:], rates_at(self.model, q[known], self.times[known], order), strict=True):
             level[known] = rates
         return [level.T for level in levels]
+
+    def _one(self, step: Any, t: float, order: int) -> list[Any]:
+        """Return the levels of one pose: what is made for many costs as much as what exudyn does."""
+        with suppress(EngineError):
+            q = step(t, self.start)
+            return [level[:, None] for level in (q, *(self.model.rates(q, t, order) if order else ()))]
+        return [np.full((len(self.start), 1), np.nan)] * (order + 1)
 
 
 class ChainSolver:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError, Term
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, quiet_settings
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, largest_of, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import MarchResult, march, march_of
 from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
@@ -58,10 +58,10 @@ class StaticNewton:
     def __call__(self, t: float, start: Array) -> Array:
         model = self.model
         model.set_state(start, t)
-        extent = max(1.0, _largest(start))
+        extent = max(1.0, largest_of(start))
         for tolerance in TOLERANCES:
             done, self.rows = model.newton(tolerance * extent), model.left()
-            left = _largest(self.rows)
+            left = largest_of(self.rows)
             if done:
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
                 return q if left <= SETTLED else self._corrected(q, left, tolerance * extent)
@@ -87,7 +87,7 @@ class StaticNewton:
                 if not self.model.newton(tolerance):
                     break
                 q, self.rows, before = self.model.data.GetODE2Coordinates(CURRENT), self.model.left(), left
-                left = _largest(self.rows)
+                left = largest_of(self.rows)
                 if left <= ROUNDED or left > 0.5 * before:
                     return q
         self.model.data.SetODE2Coordinates(q, CURRENT)
@@ -146,7 +146,7 @@ class OwnSolver:
 
     def apart(self, q: Array, other: Array) -> float:
         """Return the largest component [sizes, rad] by which a pose differs from another."""
-        return _largest((q - other).ravel())
+        return largest_of((q - other).ravel())
 
     def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
         """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it reached none or none is believed.
@@ -251,8 +251,8 @@ class ExudynEquations(OwnSolver):
         """
         q, rows = self.solver(t, start), self.solver.rows
         jacobian = self.model.slopes(rows)
-        gap, accepted = _largest(self.model.squared(rows) * self._weights), self.solver.accepted
-        if gap > accepted and not gap <= accepted * _largest(q / self.column_scale):
+        gap, accepted = largest_of(self.model.squared(rows) * self._weights), self.solver.accepted
+        if gap > accepted and not gap <= accepted * largest_of(q / self.column_scale):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         for held, _, off in self._turned(q):
             if abs(off) > 1.0:
@@ -414,9 +414,3 @@ def solved(jacobian: Array, right: Array) -> Array:
         sound = sigma[:, -1] > EPS * max(m, n) * sigma[:, 0]
     x[~sound] = np.nan
     return x
-
-
-def _largest(x: Array) -> float:
-    """Return the largest component of a short vector, infinite if one is not finite."""
-    values = x.tolist()
-    return max(max(values), -min(values)) if math.isfinite(sum(values)) else math.inf

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.mujoco.model import Plan, mujoco
-from crosscheck.engines.tree.joint_tree import Array
+from crosscheck.engines.tree.joint_tree import Array, in_order
 from crosscheck.engines.tree.tree_system import Places
 
 HEAVY = 2.0**60
@@ -69,13 +69,6 @@ class _Points:
         out[:, :, 1] = twists[..., 4] + twists[..., 2] * off[:, :, :1]
         out *= self._moves[:, None]
         return out
-
-
-def in_order(q: Array, columns: Array) -> Array:
-    """Return coordinates or rates (..., n) of a tree in the order of MuJoCo's joints, which have these columns."""
-    out = np.empty_like(q)
-    out[..., columns] = q
-    return out
 
 
 def along(slopes: Array, rates: Array) -> Array:

@@ -1,7 +1,7 @@
 """Pinocchio's methods: a joint tree, its loops closed by Newton on the free coordinates (its fastest); steps in time.
 
 Pinocchio closes no loops itself. Residual, Jacobian and point accelerations are its own; Newton and systems of two
-equations are the adapter's, in scalars (`tree.scalars`).
+equations are the adapter's, in scalars (`tree.scalars`) or, of many poses at once, on rows (`tree.at_once`).
 
 Nor does it integrate in time: Euler and Runge-Kutta, with and without Baumgarte's terms, are the adapter's, on its
 `constraintDynamics`. The prescribed coordinates are overwritten before each step, with an armature beside which no
@@ -20,7 +20,9 @@ import pinocchio as pin
 
 from crosscheck.engines.methods import Method, Model, Use, of_routes, priced
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
+from crosscheck.engines.pinocchio.model import PlacedFrame, Points
 from crosscheck.engines.pinocchio.space import PinocchioSpace
+from crosscheck.engines.tree.at_once import at_once_methods
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
 from crosscheck.engines.tree.newton import NOBODY, Clockwork, Loops, Tree, newton_methods
 from crosscheck.engines.tree.scalars import Row, scalar_methods
@@ -137,6 +139,11 @@ RULES = {"Euler": _euler, "RK4": _rk4}
 def methods() -> Iterator[Method]:
     """Yield the methods of Pinocchio."""
     yield from of_routes(Pinocchio(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
+    name, note = (
+        "all times at once",
+        "places, Jacobians, accelerations are its own; laws are tabulated with the model",
+    )
+    yield from at_once_methods("pinocchio", name, note, tree_of, Anchors, SampledLoops)
     yield from scalar_methods("pinocchio", tree_of, Anchors)
     yield from newton_methods("pinocchio", tree_of, PinocchioSpace)
     yield from stepping_methods()
@@ -180,3 +187,53 @@ class Anchors:
         for place, *_ in self.anchors:
             place()
         return [x for *_, bend in self.anchors for x in bend.tolist()]
+
+
+class SampledLoops:
+    """Pinocchio's loops at so many poses: its calls one pose after the other, what they say together.
+
+    Of the joints that hold the ends of loops it has places, velocities and accelerations, and one Jacobian of all.
+    """
+
+    def __init__(self, loops: Loops, count: int) -> None:
+        engine: Any = loops.tree.engine
+        planar = self.planar = engine.planar
+        self.columns = np.arange(planar.model.nv)
+        sides = ("joint1_id", "joint1_placement"), ("joint2_id", "joint2_placement")
+        contacts = engine.rows.contacts()[0]
+        ends = [PlacedFrame(*(getattr(contact, key) for key in side)) for side in sides for contact in contacts]
+        self.points, self.moved = Points(planar, ends), np.zeros((len(ends), planar.model.nv))
+        for moves, end in zip(self.moved, ends, strict=True):
+            for joint in planar.model.supports[end.joint].tolist()[1:]:
+                moves[planar.model.idx_vs[joint]] = 1.0
+        self.poses, self.placing = self.points.kept(count, 1)
+        self.slopes_of_all = np.empty((count, 6, planar.model.nv))
+        self.placing += [(planar.data.J, self.slopes_of_all)]  # a view: what places the model fills it
+        self.rates, self.moving = self.points.kept(count, 3)
+        self.q = np.empty((count, planar.model.nv))
+        self.at: Array = np.empty(0)
+
+    def gaps(self, q: Array) -> Array:
+        """Return the gaps of the loops (B, 2 L) at q (B, n)."""
+        self.q[:] = q
+        self.planar.sampled(self.planar.place, (q,), self.placing)
+        self.at = self.points.motion(self.poses)[0]
+        return _between(self.at)
+
+    def slopes(self) -> Array:
+        """Return their Jacobians (B, 2 L, n) at the poses whose gaps were asked for last."""
+        along, turning = self.slopes_of_all[:, None, :2], self.slopes_of_all[:, None, 5]
+        across = np.stack([-self.at[..., 1:] * turning, self.at[..., :1] * turning], axis=2)
+        return _between((along + across) * self.moved[:, None])
+
+    def drift(self, v: Array, slopes: Array) -> Array:
+        """Return the accelerations of the gaps (B, 2 L) at qdd = 0, at rates v (B, n) there."""
+        self.planar.sampled(self.planar.move, (self.q, v), self.moving)
+        return _between(self.points.motion(self.rates)[2])
+
+
+def _between(ends: Array) -> Array:
+    """Return what is of the first ends of loops (B, 2 L, 2, ...) less what is of the second, (B, 2 L, ...)."""
+    first, second = np.split(ends, 2, axis=1)
+    gaps: Array = (first - second).reshape(len(ends), -1, *ends.shape[3:])
+    return gaps

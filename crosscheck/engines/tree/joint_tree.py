@@ -281,3 +281,10 @@ def _point(pose: Pose, u: Pair) -> Pair:
     x, y, phi = pose
     c, s = math.cos(phi), math.sin(phi)
     return x + c * u[0] - s * u[1], y + s * u[0] + c * u[1]
+
+
+def in_order(q: Array, columns: Array) -> Array:
+    """Return coordinates or rates (..., n) of a tree in the order of an engine's, which have these columns."""
+    out = np.empty_like(q)
+    out[..., columns] = q
+    return out
