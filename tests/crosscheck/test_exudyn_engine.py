@@ -17,6 +17,7 @@ from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.methods import Static
 from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, quiet_settings, solved, stopping_rule
 from crosscheck.judge.budget import propagation
+from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, AngleDriver, Distance
 from refkin.model import Body
@@ -42,6 +43,7 @@ from .exact_linkages import (
 )  # fmt: skip
 from .space_scenes import rssr_by_a_cylinder
 
+EXTRAPOLATED = "MainSolverStatic.Newton, extrapolated"
 CASES: dict[str, Callable[[], Case]] = {
     **LINKAGES,
     "four-bar of 1e-9 m": lambda: four_bar(size=1e-9),
@@ -306,3 +308,47 @@ def test_a_distance_given_below_zero_is_the_distance(scene: refkin.Scene) -> Non
     assert record.disagreements == []
     assert [answer.missing for answer in record.answers] == [0, 0]
     assert {row.level for row in record.levels} == {"residual", "jacobian", "constraint_velocity", "drift"}
+
+
+@pytest.mark.parametrize("scene", [four_bar().scene, slider_crank().scene], ids=["pins alone", "a slide"])
+def test_rates_of_one_pose_have_the_bits_that_they_have_among_others(scene):
+    """They are read apart: what is made for many costs as much again."""
+    for one in (one for one in methods.methods() if one.name in ("SolveStatic, as shipped", EXTRAPOLATED)):
+        among, alone = (one.model(replace(scene, times=scene.times[:k])) for k in (3, 1))
+        levels = list(zip(alone.read(alone.solve(2)), among.read(among.solve(2)), strict=True))
+
+        assert len(levels) == 3
+        assert all(np.array_equal(own[:, 0], others[:, 0]) for own, others in levels)
+
+
+def test_rates_of_one_pose_are_none_where_it_is_singular():
+    """A rocker that is driven where crank and coupler lie in one line."""
+    stretched = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    x = (4.5**2 + 4.0**2 - 3.0**2) / (2 * 4.0 * 4.5)
+    phi = np.arctan2(4.5 * np.sqrt(1 - x * x), 4.5 * x - 4.0)
+    scene = stretched.scene(driven="rocker", law=Polynomial(coefficients=(float(phi), 1.0)), times=(0.0,))
+    one = next(one for one in methods.methods() if one.setting == "absoluteTolerance 0.0001")
+    levels = one.model(scene).solve(2)
+
+    assert np.isnan(levels[1]).all() or np.abs(levels[1]).max() > 1e3
+
+
+@pytest.mark.parametrize("case", [four_bar(), slider_crank(), four_bar(-1, size=1e3)])
+def test_one_call_of_its_static_solver_goes_through_all_times_by_load_steps(case):
+    times = tuple(np.linspace(case.scene.times[0], case.scene.times[-1], 200).tolist())
+    listed = [one for one in methods.methods() if one.name == "SolveStatic, load steps"]
+    truth = CertifiedTruth(replace(case.scene, times=times))
+    for one in listed:
+        model = one.model(replace(case.scene, times=times))
+        again = [model.read(model.solve(order)) for order in (2, 0, 2)]
+        digits = [truth.digits(level, k, again[0][:k])[0] for k, level in enumerate(again[0])]
+
+        assert min(digits) > (12.0 if one is listed[-1] else 6.0)
+        assert all(np.array_equal(a, b) for a, b in zip(again[0], again[2], strict=True))
+
+
+def test_load_steps_are_refused_where_times_are_uneven():
+    one = next(one for one in methods.methods() if one.name == "SolveStatic, load steps")
+
+    with pytest.raises(EngineError, match="its steps are even, the times of this scene are not"):
+        one.model(replace(four_bar().scene, times=(0.0, 0.1, 0.3)))

@@ -63,8 +63,13 @@ class Integration:
 def _check(scene: Scene) -> None:
     """Raise EngineRefusal if exudyn's time integration cannot take a scene."""
     _check_start(scene)
+    check_even(scene, "a time integration")
+
+
+def check_even(scene: Scene, who: str) -> None:
+    """Raise EngineRefusal if a scene is none for what goes through its times by itself."""
     if any(isinstance(e, PointDistance) and e.laws for e in elements_of(scene.mechanism.constraints)):
-        raise EngineRefusal("a driven distance is set anew at each time, which a time integration does not do")
+        raise EngineRefusal(f"a driven distance is set anew at each time, not within {who}")
     steps = np.diff(scene.times)
     if not len(steps) or np.max(np.abs(steps - steps[0])) > UNEVEN * steps[0]:
         raise EngineRefusal("its steps are even, the times of this scene are not")

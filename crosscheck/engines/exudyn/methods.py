@@ -1,7 +1,7 @@
 """exudyn's methods: its static solver with tolerances swept, its Newton called directly, its time integration.
 
-The static methods start each pose at the last one, as exudyn does by itself, the direct one at the extrapolated pose;
-velocity and acceleration are solved from exudyn's rows by NumPy, at all times at once, as it has no such analysis.
+The static methods start each pose at the last one, as exudyn does by itself, be they called for each time or, by load
+steps, once for all; the direct one starts at the extrapolated pose. Velocity and acceleration are solved from exudyn's rows by NumPy, at all times at once, as it has no such analysis.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, in_space, refusals, refuse
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
-from crosscheck.engines.exudyn.integration import Integration
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows
+from crosscheck.engines.exudyn.integration import UNEVEN, Integration, check_even
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import (
     BACK,
     ShippedSolve,
@@ -44,6 +44,8 @@ BARE = 1e-12
 """The same where rounding does not let it reach a tighter one."""
 CHAIN_TOLERANCE = 1e-9
 """The norm of the residual [m] at which its Newton stops on a chain; one correction more squares the error."""
+IN_ONE_CALL = (None, 1e-8, 1e-12, 1e-14)
+"""The same where one call goes through all times; None: as shipped."""
 STEPS = (1, 3, 10, 30)
 """Steps of the time integration from one time of the scene to the next."""
 SCALED = "lengths in sizes of the mechanism"
@@ -68,6 +70,11 @@ def methods() -> Iterator[Method]:
     for (name, by), tolerance in product((("SolveStatic", _static), ("MainSolverStatic.Newton", _newton)), TOLERANCES):
         setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
         yield priced("exudyn", name, setting, "exudyn", partial(by, tolerance), note)
+    for stop in IN_ONE_CALL:
+        setting = "default tolerances" if stop is None else f"absoluteTolerance {stop:g}"
+        note = "even times; " + f"{SCALED}; " * (stop is not None) + RATES
+        build = partial(_in_one_call, stop)
+        yield priced("exudyn", "SolveStatic, load steps", setting, "exudyn (in each step)", build, note, steps=True)
     for (name, (kind, radius)), steps in product(INTEGRATED.items(), STEPS):
         setting, build = f"{steps} step{'s' * (steps > 1)} between times", partial(_integrated, kind, radius, steps)
         note = "steps in time" + "; spectral radius 0.5" * (radius is not None)
@@ -126,6 +133,11 @@ def _newton(tolerance: float, scene: Scene) -> Model:
     return at.by(partial(StaticNewton(at.model).once, tolerance=tolerance))
 
 
+def _in_one_call(tolerance: float | None, scene: Scene) -> Model:
+    at = LoadSteps(_checked(scene), SI if tolerance is None else scene.mechanism.unit(), tolerance)
+    return Model(at.solve, partial(in_metres, at.unit))
+
+
 def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Model:
     unit = scene.mechanism.unit()
     integration = Integration(_checked(scene), unit, start_of(scene, unit))
@@ -176,6 +188,56 @@ class Static:
             q = step(t, self.start)
             return [level[:, None] for level in (q, *(self.model.rates(q, t, order) if order else ()))]
         return [np.full((len(self.start), 1), np.nan)] * (order + 1)
+
+
+class LoadSteps:
+    """A scene in one call of exudyn's SolveStatic, which goes through its times by load steps, by a tolerance or none.
+
+    Rates are found at all times at once. EngineRefusal where times are not even, or a distance is driven.
+    """
+
+    def __init__(self, scene: Scene, unit: Unit, tolerance: float | None) -> None:
+        check_even(scene, "one call")
+        self.unit, self.times, self.first = unit, np.array(scene.times), scene.times[0]
+        self.step = (scene.times[-1] - self.first) / (len(scene.times) - 1)
+        self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
+        self.start = start_of(scene, unit)
+        self.model.mbs.SetPostStepUserFunction(self._keep)
+        self.one, self.all = quiet_settings(), quiet_settings()
+        steps = self.all.staticSolver
+        steps.loadStepStart, steps.loadStepDuration = self.first, scene.times[-1] - self.first
+        steps.numberOfLoadSteps = len(self.times) - 1
+        for settings in (self.one, self.all):
+            if tolerance is not None:
+                settings.staticSolver.newton.absoluteTolerance = tolerance
+                settings.staticSolver.newton.relativeTolerance = 0.0
+            if self.model.redundant:
+                bear_redundant_rows(settings)
+
+    def solve(self, order: int) -> list[Any]:
+        """Return the levels up to an order, NaN from where SolveStatic stops."""
+        model, levels = self.model, np.full((order + 1, len(self.times), len(self.start)), np.nan)
+        self.poses = levels[0]
+        model.clock.follows = False
+        model.set_time(self.first)
+        with suppress(EngineError):
+            model.solve_static(self.start, self.one)
+            self.poses[:] = np.nan
+            self.poses[0] = first = model.data.GetODE2Coordinates(CURRENT)
+            model.clock.follows = True
+            model.solve_static(first, self.all)
+        model.clock.follows = False
+        known = np.isfinite(self.poses[:, 0])
+        for level, rates in zip(levels[1:], rates_at(model, self.poses[known], self.times[known], order), strict=True):
+            level[known] = rates
+        return [level.T for level in levels]
+
+    def _keep(self, mbs: Any, t: float) -> bool:
+        """Keep the pose that exudyn has come to, if it is one of the times: it may take smaller steps."""
+        k = (t - self.first) / self.step
+        if abs(k - round(k)) <= UNEVEN * len(self.times):
+            self.poses[round(k)] = self.model.data.GetODE2Coordinates(CURRENT)
+        return True
 
 
 class ChainSolver:
