@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import RefkinError
+from refkin.errors import RefkinError, expect
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.program import Program
 from refkin.fast.residual import without_zeros
@@ -69,6 +69,7 @@ class Prepared:
 
 def prepared(scene: Scene) -> Prepared | None:
     """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
+    expect("scene", scene, Scene)
     system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     start: Start | None = None
     rows: Any = range(system.n)

@@ -7,16 +7,17 @@ with the columns ordered by COLAMD and panels of one column, which suits matrice
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
-from refkin.errors import Fault, InvalidScene, RefkinError
-from refkin.joints import Unit, initial_contacts
+from refkin.errors import Fault, InvalidScene, RefkinError, expect
+from refkin.joints import PLANE, Unit, initial_contacts
 from refkin.model import Effect, Scene
-from refkin.motion import Status
+from refkin.motion import SINGULAR, Status
 from refkin.newton import ROUND_OFF, contracts
 from refkin.proof.formulas import agreeing
 from refkin.system import ConstraintRows, System, compile_system
@@ -107,8 +108,10 @@ class SparseSystem:
     """
 
     def __init__(self, system: System) -> None:
+        if system.kind is not PLANE:
+            raise RefkinError(f"bodies are {system.kind.name}: large systems are planar; `sweep` takes either kind")
         if system.m != system.n:
-            raise ValueError(f"expected as many rows as coordinates, got {system.m} and {system.n}")
+            raise RefkinError(f"{system.m} rows for {system.n} coordinates: redundant rows are for `solve` and `sweep`")
         self.system = system
         kinds: dict[Any, list[ConstraintRows]] = {}
         for p in system.placed:
@@ -194,8 +197,15 @@ def solve_large(scene: Scene) -> Large:
     """Return position, velocity and acceleration at the scene's first time, as far as it calls for them.
 
     Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once,
-    the residual is at round-off and `Large.h` is small; nothing is searched for and nothing is proved.
+    the residual is at round-off, `Large.h` is small and the inverse of phi_q no larger than at a regular pose
+    (`SINGULAR`); nothing is searched for and nothing is proved. Points of the scene are not read.
+
+    Raises
+    ------
+    RefkinError
+        If an estimate is missing, bodies are of space, or there are not as many rows as coordinates.
     """
+    expect("scene", scene, Scene)
     system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)
     missing = [b.name for b in scene.mechanism.bodies if b.estimate is None]
     if missing:
@@ -221,12 +231,15 @@ def solve_large(scene: Scene) -> Large:
     closes = size <= ROUND_OFF * scale and steps[-1] <= ENOUGH * scale and contracts(steps)
     norm = inverse_norm(lu, len(q))
     h = LIPSCHITZ * norm * float(np.max(np.abs(lu.solve(residual))))
-    status = Status.NOT_CONVERGED if not closes else Status.OK if h <= LARGEST_H else Status.SINGULAR
+    # A residual may be 0 however singular the pose is. Of n rows sigma_min is at most sqrt(n) / norm.
+    regular = h <= LARGEST_H and math.sqrt(len(q)) > SINGULAR * norm
+    status = Status.NOT_CONVERGED if not closes else Status.OK if regular else Status.SINGULAR
     levels = [q, None, None] if closes else [None] * 3
     if status is Status.OK and system.effects:
         levels[1] = lu.solve(sparse.nu(q, t))
         if Effect.ACCELERATION in system.effects:
             levels[2] = lu.solve(sparse.gamma(q, levels[1], t))
+        levels[1] = levels[1] if Effect.VELOCITY in scene.effects else None
     q, qd, qdd = (None if level is None else system.to_physical(level, order) for order, level in enumerate(levels))
     return Large(status, q, qd, qdd, size, norm, h, tuple(steps))
 

@@ -76,7 +76,7 @@ def attempt(scene: Scene | Prepared) -> Motion | None:
 
     A scene that is solved again and again may be `prepared` once.
     """
-    ready = prepared(scene) if isinstance(scene, Scene) else scene
+    ready = scene if scene is None or isinstance(scene, Prepared) else prepared(scene)
     with np.errstate(all="ignore"):  # what runs away is in doubt, and says so
         return None if ready is None else _Task(ready).motion()
 

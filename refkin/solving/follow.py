@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.errors import InvalidRequest, UnknownName, expect
+from refkin.errors import LONGEST, InvalidRequest, UnknownName, expect
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
@@ -36,6 +36,8 @@ from refkin.system import System, compile_system
 
 _ITSELF = Polynomial(coefficients=(0.0, 1.0))
 """The law of a driver whose value is t."""
+NOT_NEEDED = ("start", "along", "until", "choose")
+"""Arguments of `follow` that may be None."""
 NEARLY = math.sqrt(SAME)
 """A clearance below which a pose is beside one where paths meet, or that is alone."""
 
@@ -193,12 +195,14 @@ def follow(
 
     Raises
     ------
-    ValueError
-        If a system is given without a pose to start from, or drivers whose rates are beyond float64, or a path begins
-        outside of `until`.
+    InvalidRequest
+        If an argument is of another form, a system is given without a pose to start from, drivers have rates beyond
+        float64, or a path begins outside of `until`.
     """
     expect("given", given, Scene, System)
     system = compile_system(continued(given.mechanism), unit=given.mechanism.unit())
+    how = {"choose": choose, "max_step": max_step, "most_points": most_points}
+    _check(system.n, start=start, along=along, until=until, direction=direction, **how)
     message, limits = "", until or (-math.inf, math.inf)
     if isinstance(start, Bifurcation):
         q, t = system.to_unit(start.q), start.t
@@ -210,7 +214,7 @@ def follow(
         if until is None and len(given.times) > 1:
             limits = given.times[0], given.times[-1]
     else:
-        raise ValueError("a system alone does not say where to start: give (q, t)")
+        raise InvalidRequest("start", "(q, t), as a system alone does not say where to start", "None")
     if not limits[0] <= t <= limits[1]:
         raise InvalidRequest("until", f"two values that t = {t:.17g}, where the path begins, is between", str(limits))
     frames = recentred(agreeing(system, [t]))
@@ -351,6 +355,42 @@ def _why(system: System, end: PathEnd, q: Any, t: float, singular: bool) -> str:
     if cam := end_of_profile(system, system.to_unit(q)):
         return f"the contact of {cam} leaves its profile"
     return f"{end}: how paths go on beside a singular pose is not decided" if singular else end
+
+
+def _numbers(value: Any, *shape: int) -> bool:
+    """Whether a value is made of real numbers, none of them NaN, and has a shape."""
+    try:
+        given = np.asarray(value, float)
+    except (TypeError, ValueError):
+        return False
+    return given.shape == shape and not np.isnan(given).any()
+
+
+def _pose(start: Any, n: int) -> bool:
+    pair = isinstance(start, tuple | list) and len(start) == 2
+    return pair and _numbers(start[0], n) and _numbers(start[1])
+
+
+def _check(n: int, **given: Any) -> None:
+    """Raise InvalidRequest for the first argument of `follow` that is of another form, n being its coordinates."""
+    forms: dict[str, tuple[str, Callable[[Any], bool]]] = {
+        "start": (
+            f"(q, t) with {n} coordinates, or a Bifurcation",
+            lambda x: isinstance(x, Bifurcation) or _pose(x, n),
+        ),
+        "along": (
+            f"a Tangent of {n} coordinates",
+            lambda x: isinstance(x, Tangent) and _numbers(x.q, n) and _numbers(x.t),
+        ),
+        "until": ("two numbers", lambda x: _numbers(x, 2)),
+        "direction": ("1 or -1", lambda x: _numbers(x) and x in (1, -1)),
+        "choose": ("what takes a bifurcation and returns a tangent", callable),
+        "max_step": ("a finite number above 0", lambda x: _numbers(x) and 0.0 < x < math.inf),
+        "most_points": ("a whole number above 0", lambda x: isinstance(x, int | np.integer) and bool(x > 0)),
+    }
+    for name, (expected, well) in forms.items():
+        if not ((given[name] is None and name in NOT_NEEDED) or well(given[name])):
+            raise InvalidRequest(name, expected, repr(given[name])[:LONGEST])
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

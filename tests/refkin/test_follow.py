@@ -540,8 +540,27 @@ def test_an_unknown_driver_is_refused_by_name():
 
 
 def test_a_system_alone_is_refused():
-    with pytest.raises(ValueError, match="give"):
+    with pytest.raises(refkin.InvalidRequest, match="start"):
         refkin.follow(compile_system(ROCKER.scene().mechanism))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("direction", x) for x in (0, 2, math.nan, "x", None)),
+        *(("max_step", x) for x in (0.0, -1.0, math.nan, math.inf, "x", None)),
+        *(("most_points", x) for x in (0, -1, math.nan, 2.5, None)),
+        *(("until", x) for x in (3, ("a", "b"), (0.0, math.nan), (0.0, 1.0, 2.0))),
+        *(("start", x) for x in (3, (np.zeros(3), 0.0), (np.zeros(9), "x"), "ab")),
+        *(("along", x) for x in (3, Tangent(np.zeros(3), 1.0))),
+        ("choose", 3),
+    ],
+)
+def test_an_argument_that_makes_no_sense_is_named_with_its_value(name, value):
+    with pytest.raises(refkin.InvalidRequest, match=f"^{name}: expected .*, got ") as refused:
+        refkin.follow(ROCKER.scene(), **{name: value})
+
+    assert repr(value)[:20] in str(refused.value)
 
 
 def test_without_a_first_pose_there_is_no_path():

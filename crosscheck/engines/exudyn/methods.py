@@ -1,7 +1,8 @@
 """exudyn's methods: its static solver with tolerances swept, its Newton called directly, its time integration.
 
 The static methods start each pose at the last one, as exudyn does by itself, be they called for each time or, by load
-steps, once for all; the direct one starts at the extrapolated pose. Velocity and acceleration are solved from exudyn's rows by NumPy, at all times at once, as it has no such analysis.
+steps, once for all; the direct one starts at the extrapolated pose. Velocity and acceleration are solved from exudyn's
+rows by NumPy, at all times at once, as it has no such analysis.
 """
 
 from __future__ import annotations

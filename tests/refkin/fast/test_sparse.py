@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import refkin
-from refkin import Body, Distance, Effect, Mechanism, Revolute, Scene, Status
-from refkin.errors import InvalidScene
-from refkin.fast import SparseSystem, solve_large
+from refkin import Body, Distance, DistanceDriver, Effect, Mechanism, Polynomial, Revolute, Scene, Status
+from refkin.errors import InvalidScene, RefkinError
+from refkin.fast import SparseSystem, attempt, program_of, solve_large, sweep
 from refkin.fast import sparse as module
-from refkin.system import compile_system
 
 from .linkworks import chain
 from .scenes import SCENES, bare, system_of
@@ -96,6 +96,10 @@ def test_only_what_is_called_for_is_computed():
 
         assert (motion.qd is None) == (not effects)
         assert motion.qdd is None
+    accelerations = solve_large(bare(chain(2, times=(0.0,)), effects=frozenset({Effect.ACCELERATION})))
+
+    assert accelerations.qd is None
+    assert np.isfinite(accelerations.qdd).all()
 
 
 def test_the_pattern_never_changes():
@@ -130,13 +134,35 @@ def test_a_singular_pose_is_not_ok():
     assert solve_large(bare(scene)).status is not Status.OK
 
 
-def test_more_rows_than_coordinates_are_refused():
+@pytest.mark.parametrize("angle", np.arange(0.1, 3.1, 0.1))
+def test_a_singular_pose_is_not_ok_where_its_residual_is_exactly_zero(angle):
+    """A plate on three parallel rods whose rates contradict each other."""
+    rods = tuple(
+        DistanceDriver(
+            **{"name": f"d{k}", "body_i": "ground", "point_i": (x, 0.0), "body_j": "plate", "point_j": (x, 0.0)},
+            law=Polynomial(coefficients=(1.0, rate)),
+        )
+        for k, (x, rate) in enumerate([(0.0, 1.0), (0.3, 2.0), (1.1, 4.0)])
+    )
+    plate = Body(name="plate", estimate=(float(np.cos(angle)), float(np.sin(angle)), 0.0))
+    answer = solve_large(Scene(mechanism=Mechanism((plate,), (), rods), times=(0.0,)))
+
+    assert answer.status in (Status.SINGULAR, Status.NOT_CONVERGED)
+    assert answer.qd is None
+
+
+def test_what_it_does_not_take_is_refused_by_what_it_is():
     scene = chain(1)
     again = replace(scene.mechanism.joints[0], name="again")
-    system = compile_system(replace(scene.mechanism, joints=(*scene.mechanism.joints, again)))
+    twice = replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, again)))
 
-    with pytest.raises(ValueError, match="11 and 9"):
-        SparseSystem(system)
+    with pytest.raises(RefkinError, match="11 rows for 9 coordinates"):
+        solve_large(twice)
+    with pytest.raises(RefkinError, match="bodies are spatial"):
+        solve_large(refkin.load(Path(__file__).parents[3] / "examples/rssr.toml"))
+    for one in (solve_large, sweep, attempt, program_of):
+        with pytest.raises(TypeError, match="scene: expected a Scene, got a FourBar"):
+            one(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0))
 
 
 def test_a_body_without_estimate_is_refused_by_name():
