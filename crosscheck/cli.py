@@ -10,13 +10,14 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import TextIO
 
 import cyclopts
 
 from crosscheck.commands.usage import BAR, Printable
-from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, CannotRun
+from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, CannotRun, UsageError
 from refkin import __version__
 from refkin.errors import InvalidScene
 
@@ -60,6 +61,10 @@ for name, (place, what) in COMMANDS.items():
     (app[group[0]] if group else app).command(f"crosscheck.commands.{place}", name=own, help=what)
 
 
+PATHS = ("--out", "--night", "--history", "--baseline", "--csv")
+"""Options that take a path."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(Printable(_open(sys.stderr), BAR)):
@@ -73,8 +78,10 @@ def _open(stream: TextIO | None) -> TextIO:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
+        _refuse_no_path(given)
+        code = app(given, exit_on_error=False, print_error=True)
     except CannotRun as error:
         code = _ended(error, error.code)
     except InvalidScene as error:
@@ -95,6 +102,13 @@ def _run(arguments: Sequence[str] | None) -> int:
         print(f"crosscheck itself failed: {type(error).__name__}: {error} ({where})", file=sys.stderr)
         code = INFRASTRUCTURE
     return int(code or PASS)
+
+
+def _refuse_no_path(given: Sequence[str]) -> None:
+    """Refuse an empty path, of which nobody could tell any more that it is not the folder that one is in."""
+    for option in PATHS:
+        if f"{option}=" in given or (option, "") in pairwise(given):
+            raise UsageError(f"{option}: expected a path, got ''")
 
 
 def _ended(error: BaseException | str, code: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -101,7 +102,8 @@ def nightly(
         refuse_other(history)
     gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
     refuse_others(out)
-    positive("sections-seconds", sections_seconds or None)  # 0 will do: none
+    if sections_seconds is not None and not 0.0 <= sections_seconds < math.inf:
+        raise UsageError(f"--sections-seconds: expected a number from 0 on, got {sections_seconds}")
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     required = names(require_engines, always=())

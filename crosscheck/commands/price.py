@@ -157,6 +157,12 @@ def to_json(prices: PriceList, asked: Sequence[str] = PRICED) -> dict[str, Any]:
     }
 
 
+ADAPTERS = (
+    "a price is that of an engine through its adapter, in Python: Newton of Pinocchio and MuJoCo is the adapter's, so "
+    "are the linear solves of exudyn's rates; what is written out for one mechanism may cost less, in space a fifth"
+)
+
+
 def print_list(result: Mapping[str, Any]) -> None:
     """Print a price list (`to_json`)."""
     out = console(WIDTH)
@@ -196,6 +202,7 @@ def lines(result: Mapping[str, Any]) -> list[str]:
     times = result["times"]
     made_on = MADE_ON.format(**result["machine"])
     out = [
+        ADAPTERS,
         f"one cycle: {times['certified']} configurations; digits are the fewest over them, a price is that of one",
         "one pose now: started at the pose before it, if there is one, with the model built (build -: in every call); "
         "bulk: 1,000 poses over the same time, by who may be the cheapest there (others: -); all of processor time",
@@ -285,6 +292,7 @@ def page_of(result: Mapping[str, Any]) -> str:
         "price_page.html.j2",
         result=result,
         poses=POSES,
+        adapters=ADAPTERS,
         steps=[str(step) for step in STEPS],
         panels=[methods_figure(rows, quantity) for quantity in quantities],
         legend=[(swatch(look), " · ".join(name)) for name, look in looks_of_methods(rows).items()],

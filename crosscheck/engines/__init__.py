@@ -165,7 +165,7 @@ class EngineError(Exception):
     """An engine that failed in a way that is no status."""
 
     def __str__(self) -> str:
-        return kept(super().__str__())
+        return kept(super().__str__()) or "it gave no reason"
 
 
 class EngineRefusal(EngineError):

@@ -185,8 +185,8 @@ def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
 
 def summary(replied: Sequence[Reply]) -> list[str]:
     """Return what all wrong answers have in common: a level, and the type of a joint."""
-    wrong = [fault for reply in replied for fault in reply.faults if fault.types]
-    if not wrong:
+    wrong = [fault for reply in replied for fault in reply.faults if fault.types or fault.level in QUANTITIES]
+    if not any(fault.types for fault in wrong):
         return []
     lines = []
     common = set.intersection(*(set(fault.types) for fault in wrong))

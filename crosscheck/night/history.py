@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.errors import CannotRun
+from crosscheck.errors import CannotRun, kept
 from crosscheck.night.plan import TRENDS, replace_file
 from crosscheck.scenes.names import QUANTITIES
 
@@ -203,6 +203,9 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
     try:
         with closing(sqlite3.connect(path, timeout=30.0)) as db:
             db.row_factory = sqlite3.Row
+            tables = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+            if "night" not in tables and (tables or must_exist):
+                raise HistoryError(f"{path}: expected a history of nights, got the tables {kept(str(tables))}")
             db.executescript(TABLES)
             yield db
     except sqlite3.Error as error:

@@ -114,13 +114,15 @@ def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
         (("--workers", "-1"), "--workers: expected a number above 0, got -1"),
         (("--scene-seconds", "0"), "--scene-seconds: expected a number above 0, got 0.0"),
         (("--out", str(GOOD)), f"--out: expected a folder, got the file {GOOD}"),
+        (("--out", ""), "--out: expected a path, got ''"),
+        (("--out=",), "--out: expected a path, got ''"),
         (("--known-gaps", str(FRAMES)), f"{FRAMES}: no TOML: "),
         (("--known-gaps", "no such table"), "no such table: No such file or directory"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_a_night_that_makes_no_sense_ends_with_2_and_one_line(tmp_path, arguments, line, command):
-    out = () if "--out" in arguments else ("--out", tmp_path / "out")
+    out = () if "--out" in arguments[0] else ("--out", tmp_path / "out")
     process = command("nightly", *out, *arguments)
 
     assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1)
@@ -525,7 +527,7 @@ def test_times_without_a_pose_are_told_once_and_not_as_rows_of_nan(command, tmp_
     [
         (("draw", GOOD, "--time", "nan"), "--time: expected a finite number [s], got nan"),
         (("solve", GOOD, "--csv", "/"), "--csv: expected a file, got the folder /"),
-        (("nightly", "--sections-seconds", "nan"), "--sections-seconds: expected a number above 0, got nan"),
+        (("nightly", "--sections-seconds", "nan"), "--sections-seconds: expected a number from 0 on, got nan"),
         (("solve", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
         (("follow", GOOD, "--until", "nan", "1"), "--until: expected two different finite values, got nan and 1.0"),

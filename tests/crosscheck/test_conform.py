@@ -16,7 +16,7 @@ from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check
-from crosscheck.measure.conform import _faults_of, ask, hard_replies, replies, summary
+from crosscheck.measure.conform import LevelFault, Reply, _faults_of, ask, hard_replies, replies, summary
 from crosscheck.measure.hard_table import outcome_of
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
@@ -186,6 +186,19 @@ def test_what_an_engine_refuses_of_a_whole_scene_is_told_and_is_no_fault():
     reply = ask(Refuses(), next(iter(ASKED.values())))
 
     assert (reply.refusals, reply.faults, reply.levels) == (("not on Sundays",), (), ())
+
+
+def test_a_refusal_without_a_reason_is_told_all_the_same():
+    assert str(EngineRefusal("")) == str(EngineRefusal()) == "it gave no reason"
+
+
+def test_what_violates_no_joint_has_nothing_in_common_with_what_does():
+    """Of a mirror assembly nothing is violated: a cam beside it is not what all wrong answers violate."""
+    cam = LevelFault("position", "position is wrong", types=("cam",))
+    mirror = LevelFault("position", "position is another assembly")
+
+    assert summary([Reply("cam", (cam,))]) == ["every answer with a wrong number violates a cam"]
+    assert summary([Reply("cam", (cam,)), Reply("four-bar", (mirror,))]) == []
 
 
 def test_of_each_method_the_first_level_that_is_beyond_is_told_and_every_fault_of_status_and_rows():

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from crosscheck.night.history import HistoryError, append, change_points, nights, remember, trends, warnings
+from crosscheck.night.history import (
+    HistoryError,
+    append,
+    change_points,
+    nights,
+    refuse_other,
+    remember,
+    trends,
+    warnings,
+)
 from crosscheck.report.build import build, summarized
 
 from .fake_engines import crosscheck
@@ -216,6 +226,26 @@ def test_a_history_that_is_not_there_is_not_made_by_looking(tmp_path: Path) -> N
     with pytest.raises(HistoryError, match="there is no history"):
         nights(tmp_path / "h.sqlite")
     assert not (tmp_path / "h.sqlite").exists()
+
+
+@pytest.mark.parametrize("open_it", [nights, refuse_other])
+def test_somebody_elses_database_is_left_as_it_is(tmp_path: Path, open_it: Any) -> None:
+    path = tmp_path / "addresses.sqlite"
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("CREATE TABLE addresses (name TEXT)")
+    before = path.read_bytes()
+    with pytest.raises(HistoryError, match=r"expected a history of nights, got the tables \['addresses'\]"):
+        open_it(path)
+
+    assert path.read_bytes() == before
+
+
+def test_an_empty_file_is_no_history_to_look_at(tmp_path: Path) -> None:
+    (tmp_path / "h.sqlite").touch()
+    with pytest.raises(HistoryError, match=r"expected a history of nights, got the tables \[\]"):
+        nights(tmp_path / "h.sqlite")
+
+    assert not (tmp_path / "h.sqlite").read_bytes()
 
 
 def test_two_nights_can_be_added_at_once(tmp_path: Path) -> None:

@@ -767,7 +767,11 @@ def test_what_was_timed_once_is_said_to_be_and_costs_what_that_took():
         pytest.approx(2.0),
         None,
     )
-    assert (position.note, position.digits, velocity.digits) == ("a limit; one cycle timed once", 9.0, None)
+    assert (position.note, position.digits, velocity.digits) == (
+        "a limit; one cycle timed once, with all rates",
+        9.0,
+        None,
+    )
 
 
 def test_a_price_is_that_of_the_cheapest_run_that_gives_the_quantity_and_what_was_not_timed_has_none():

@@ -57,10 +57,12 @@ DRIVEN = (
     *("angle by a law", "coordinate by a law", "distance by a law"),
     *("turn about axis by a law", "shift along axis by a law", "distance of space by a law"),
 )
+NO_MIMIC = refused("its mimic joints gear one hinge of a tree to another; the adapter has none of them")
 CAPABILITIES: Capabilities = {
     **{key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "point on line", "angle")},
     "distance": by_level(NO_DISTANCE, LINK),
     **dict.fromkeys(DRIVEN, by_level(NO_DRIVER, OWN_ROW)),
+    "rolling wheels": dict.fromkeys(Level, NO_MIMIC),
     "points of space coincide": dict.fromkeys(Level, NATIVE),
     "axes parallel": by_level(TWO_PAIRS, NATIVE),
     "screw": by_level(NO_ROW, NATIVE),
