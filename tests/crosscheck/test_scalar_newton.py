@@ -32,7 +32,7 @@ SCENES_OF_JOINTS = Path(__file__).parents[2] / "docs/scenes"
 NAME = "Newton on free coordinates"
 AT_ONCE = {"mujoco": "mujoco.batch, all times at once", "pinocchio": "all times at once"}
 ROWS = {"mujoco": ConnectRows, "pinocchio": Anchors}
-MANY = {"mujoco": of_mujoco.SampledLoops, "pinocchio": of_pinocchio.SampledLoops}
+MANY = {"mujoco": of_mujoco.SampledLoops, "pinocchio": of_pinocchio.PlacedLoops}
 LINKAGE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 CLOSED = {

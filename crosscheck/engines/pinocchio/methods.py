@@ -143,7 +143,7 @@ def methods() -> Iterator[Method]:
         "all times at once",
         "places, Jacobians, accelerations are its own; laws are tabulated with the model",
     )
-    yield from at_once_methods("pinocchio", name, note, tree_of, Anchors, SampledLoops)
+    yield from at_once_methods("pinocchio", name, note, tree_of, Anchors, PlacedLoops)
     yield from scalar_methods("pinocchio", tree_of, Anchors)
     yield from newton_methods("pinocchio", tree_of, PinocchioSpace)
     yield from stepping_methods()
@@ -189,7 +189,7 @@ class Anchors:
         return [x for *_, bend in self.anchors for x in bend.tolist()]
 
 
-class SampledLoops:
+class PlacedLoops:
     """Pinocchio's loops at so many poses: its calls one pose after the other, what they say together.
 
     Of the joints that hold the ends of loops it has places, velocities and accelerations, and one Jacobian of all.
