@@ -62,12 +62,12 @@ class Integration:
 
 def _check(scene: Scene) -> None:
     """Raise EngineRefusal if exudyn's time integration cannot take a scene."""
-    _check_start(scene)
     check_even(scene, "a time integration")
 
 
 def check_even(scene: Scene, who: str) -> None:
     """Raise EngineRefusal if a scene is none for what goes through its times by itself."""
+    _check_start(scene, who)
     if any(isinstance(e, PointDistance) and e.laws for e in elements_of(scene.mechanism.constraints)):
         raise EngineRefusal(f"a driven distance is set anew at each time, not within {who}")
     steps = np.diff(scene.times)
@@ -75,9 +75,9 @@ def check_even(scene: Scene, who: str) -> None:
         raise EngineRefusal("its steps are even, the times of this scene are not")
 
 
-def _check_start(scene: Scene) -> None:
+def _check_start(scene: Scene, who: str) -> None:
     if scene.times[0] < 0.0:
-        raise EngineRefusal("its time integration starts at no time below zero")
+        raise EngineRefusal(f"{who} of exudyn starts at no time below zero")
 
 
 def _keep(levels: list[Any], steps: int, count: Iterator[int], mbs: Any, t: float) -> bool:
@@ -121,7 +121,7 @@ def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Moti
     ----------
     scene, motion, unit : Scene, Motion, Unit
     """
-    _check_start(scene)
+    _check_start(scene, "a time integration")
     assert motion.qd is not None
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, mass=1.0)
     model.clock.follows = True

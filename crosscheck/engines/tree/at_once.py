@@ -14,16 +14,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from crosscheck.engines.march import hermite
 from crosscheck.engines.methods import Batch, Method, Model, Use, priced
-from crosscheck.engines.tree.joint_tree import Array, in_order
-from crosscheck.engines.tree.newton import Loops, Tree, solved_rows
+from crosscheck.engines.tree.joint_tree import Array
+from crosscheck.engines.tree.newton import Loops, Tree, between, coarse, solved_rows
 from crosscheck.engines.tree.scalars import LIMITS, MOST_NEWTON, LoopRows, ScalarNewton
 from crosscheck.scenes.workloads import Workload
 from refkin.model import Scene
 
-FEWEST, COARSE, EVERY = 16, 40, 4
-"""One pose of so many is found before the others, from the one before it; at least and at most so many."""
 NEAR = 1e-4
 """A Jacobian this near is taken for the next correction, too: what that leaves is about the product of both."""
 
@@ -86,9 +83,7 @@ class AtOnce:
     def __init__(self, loops: Loops, rows: ManyLoops, rows_of: Callable[[Loops], LoopRows], limit: float) -> None:
         self.newton, self.t = ManyNewton(loops, rows, limit), np.array(loops.tree.scene.times)
         self.values, self.columns = loops.clock.values[:, :, 0], rows.columns
-        self.start = in_order(loops.tree.start(), rows.columns)
-        count = min(COARSE + 1, max(len(self.t) // EVERY, FEWEST), len(self.t))
-        self.coarse = np.linspace(self.t[0], self.t[-1], count)
+        self.coarse = coarse(self.t)
         few = Loops.of(replace(loops.tree, scene=replace(loops.tree.scene, times=tuple(self.coarse.tolist()))))
         self.few = ScalarNewton(few, rows_of(few), LIMITS[-2])
 
@@ -98,14 +93,9 @@ class AtOnce:
         return [level[:, self.columns].T for level in levels]
 
     def _guess(self) -> Array:
-        """Return guesses (T, n): the start where there is one time, else cubics between the coarse poses."""
-        if len(self.t) == 1:
-            guess = self.start[None].copy()
-        else:
-            q, v = np.array(self.few.solve(1)).transpose(1, 0, 2)
-            h = self.coarse[1] - self.coarse[0]
-            k = np.minimum((self.t - self.coarse[0]) // h, len(self.coarse) - 2).astype(int)
-            guess = hermite((0.0, h), (q[k], q[k + 1]), (v[k], v[k + 1]), (self.t - self.coarse[k])[:, None])
+        """Return guesses (T, n) by the cubics between the coarse poses."""
+        q, v = np.array(self.few.solve(1)).transpose(1, 0, 2)
+        guess = between(self.coarse, q, v, self.t)
         guess[:, self.newton.held] = self.values[0]
         return guess
 

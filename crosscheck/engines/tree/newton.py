@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, in_space, refusals, refuse
-from crosscheck.engines.march import MarchResult
+from crosscheck.engines.march import MarchResult, hermite
 from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one, priced
-from crosscheck.engines.poses import Equations, close, solve
+from crosscheck.engines.poses import Equations, close, largest, solve
 from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem, body_levels
@@ -32,6 +32,9 @@ NOBODY = "nobody: steps in time"
 """Who ran Newton where the motion is integrated."""
 CAP = 30
 """Corrections that a pose may take."""
+FEWEST, COARSE, EVERY = 16, 40, 4
+"""Of all times at once one pose of so many is found before the others, from the one before it; at least and at most so
+many."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
 
     def listed(name: str, setting: str, **stop: Any) -> Method:
         def build(scene: Scene) -> Model:
-            tree = SpaceScene.of(scene, space) if in_space(scene.mechanism) else tree_of(scene)
+            tree = _in_either(tree_of, space, scene)
             return Model(partial(_newton_sweep, tree, **stop), tree.read)
 
         return priced(engine, name, setting, "the adapter", build)
@@ -105,8 +108,64 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callabl
         "each pose from the extrapolated one; rows and Jacobians are the engine's, the loop and NumPy's solves are not"
     )
     yield replace(best, uses=best.uses | {Use.BENCH}, batch=partial(_in_space_alone, best.model), note=note)
+    for limit in (LIMITS[3], LIMITS[-1]):
+        name, setting, note = "Newton on its rows, all times at once", f"|dq| < {limit:g}", "the loop is the adapter's"
+        model = partial(_at_once, tree_of, space, limit)
+        more: dict[str, Any] = {"uses": best.uses | {Use.BENCH}, "batch": partial(_in_space_alone, model)}
+        more = more if limit == LIMITS[-1] else {}
+        yield priced(engine, name, setting, "the adapter", model, note, together=True, **more)
     for count in range(1, 6):
         yield listed("Newton on its rows, stopped", f"{count} correction{'s' * (count > 1)}", most=count)
+
+
+def _in_either(tree_of: Callable[[Scene], Tree], space: Callable[..., Any], scene: Scene) -> Tree | SpaceScene:
+    return SpaceScene.of(scene, space) if in_space(scene.mechanism) else tree_of(scene)
+
+
+def _at_once(tree_of: Callable[[Scene], Tree], space: Callable[..., Any], limit: float, scene: Scene) -> Model:
+    tree = _in_either(tree_of, space, scene)
+    return Model(partial(_newton_at_once, tree, limit), tree.read)
+
+
+def coarse(times: Array) -> Array:
+    """Return the times at which poses are found before those of all times (T,)."""
+    count = min(COARSE + 1, max(len(times) // EVERY, FEWEST), len(times))
+    return np.linspace(times[0], times[-1], count)
+
+
+def between(known: Array, q: Array, rates: Array, times: Array) -> Array:
+    """Return poses (T, n) by the cubics between those of known times (K,), q and rates (K, n); of one time that."""
+    if len(known) == 1:
+        return q.copy()
+    h = known[1] - known[0]
+    k = np.minimum((times - known[0]) // h, len(known) - 2).astype(int)
+    return hermite((0.0, h), (q[k], q[k + 1]), (rates[k], rates[k + 1]), (times - known[k])[:, None])
+
+
+def _newton_at_once(tree: Tree | SpaceScene, limit: float, order: int) -> list[Array]:
+    """Return tree coordinates and rates (n, T) up to an order, NaN where a pose has none: a few, then all at once."""
+    system: Equations = tree.system
+    t = np.array(tree.scene.times)
+    known = coarse(t)
+    few = replace(tree, scene=replace(tree.scene, times=tuple(known.tolist())))
+    with np.errstate(all="ignore"):
+        first, rates = _newton_sweep(few, 1, limit=LIMITS[3], extrapolated=True)
+        q = between(known, first.T, rates.T, t)
+        off = np.full(len(t), np.inf)
+        for _ in range(CAP):
+            residual, jacobian = system.rows(q, t)
+            correction = solve(jacobian, residual)
+            q, off = q - correction, largest(correction)
+            if not (off >= limit).any():  # what has none is lost
+                break
+        q[~(off < limit)] = np.nan
+        levels = [q]
+        if order:
+            jacobian = system.rows(q, t)[1]
+            levels.append(solve(jacobian, system.nu(q, t)))
+        if order > 1:
+            levels.append(solve(jacobian, system.gamma(q, levels[1], t)))
+    return [level.T for level in levels]
 
 
 def _in_space_alone(build: Callable[[Scene], Model], workload: Workload, order: int) -> Batch:
