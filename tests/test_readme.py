@@ -52,7 +52,7 @@ BATCH, PROVED = (
     ("refkin-batch", "all times at once", "certificate"),
 )
 SPARSE, SAME, DENSE = ("refkin-batch", "sparse", ""), ("c", "same program", ""), ("c", "dense Newton", "")
-SOLVE, NEWTON = ("refkin", "solve", "no evidence"), "Newton on its rows, extrapolated"
+SOLVE, NEWTON = ("refkin", "solve", "no evidence"), "Newton on its rows, all times at once"
 EXUDYN = ("exudyn", "MainSolverStatic.Newton, extrapolated", "absoluteTolerance 2e-15")
 MUJOCO = ("mujoco", "mujoco.batch, all times at once", "|dq| < 1e-08")
 PLANE, SPACE = ("sweep-1000", "many-10000x360"), ("rssr-1000", "rssrs-100x72")
