@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, in_space
 from crosscheck.engines.exudyn import methods
 from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.methods import Static
@@ -19,6 +19,7 @@ from crosscheck.engines.exudyn.solve import BACK, STEEPEST, extrapolation, quiet
 from crosscheck.judge.budget import propagation
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
+from crosscheck.scenes.conformance import questions
 from refkin.joints import GROUND, AngleDriver, Distance
 from refkin.model import Body
 from refkin.motion import Motion, Status
@@ -352,3 +353,20 @@ def test_load_steps_are_refused_where_times_are_uneven():
 
     with pytest.raises(EngineError, match="its steps are even, the times of this scene are not"):
         one.model(replace(four_bar().scene, times=(0.0, 0.1, 0.3)))
+
+
+IN_SPACE = {question.about: question.scene for question in questions() if question.expected is Status.OK}
+IN_SPACE = {about: scene for about, scene in IN_SPACE.items() if in_space(scene.mechanism) and "screw" not in about}
+
+
+@pytest.mark.parametrize("about", IN_SPACE)
+def test_in_space_its_newton_alone_is_as_right_from_pose_to_pose(about):
+    """What is priced there: nothing of a march is between exudyn's Newton and the next."""
+    one = next(one for one in reversed(list(methods.methods())) if one.name == EXTRAPOLATED)
+    scene = replace(IN_SPACE[about], points=(), bodies_wanted=None)
+    model, truth = one.model(scene), CertifiedTruth(scene)
+    levels = model.read(model.solve(2))
+    digits = [truth.digits(level, k, levels[:k])[0] for k, level in enumerate(levels)]
+
+    assert one.setting == "absoluteTolerance 2e-15"
+    assert min(digits) > 13.0

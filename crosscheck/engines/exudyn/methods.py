@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -28,10 +27,11 @@ from crosscheck.engines.exudyn.solve import (
     extrapolation,
     in_metres,
     rates_at,
+    solved,
     start_of,
 )
-from crosscheck.engines.exudyn.space_solve import SpaceModel
-from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one, priced
+from crosscheck.engines.exudyn.space_solve import SpaceModel, unit
+from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, one_by_one, priced
 from crosscheck.scenes.workloads import LoopChain, Workload
 from refkin.joints import SI, Unit
 from refkin.model import Scene
@@ -92,8 +92,8 @@ def _checked(scene: Scene) -> Scene:
 
 def _direct(tolerance: float, scene: Scene) -> Model:
     if in_space(scene.mechanism) and not refusals(Exudyn(), scene, Level.SOLVE):
-        kept = SpaceModel(scene, Producer(name="exudyn", version="", route=STATIC), (tolerance,))
-        return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order])), levels_of)
+        space = SpaceStatic(scene, tolerance)
+        return Model(partial(space.solve, space.step), space.read)
     at = Static(_checked(scene), scene.mechanism.unit(), extrapolates=True)
     if at.model.lengths():
         raise EngineError("a driven distance is set anew at each time, which the direct Newton does not do")
@@ -179,9 +179,13 @@ class Static:
                 if self.extrapolates:
                     start, since, weights = self.start, k + 1, extrapolation(self.times[k + 1 :])
         known = np.isfinite(q[:, 0])
-        for level, rates in zip(levels[1:], rates_at(self.model, q[known], self.times[known], order), strict=True):
+        for level, rates in zip(levels[1:], self.rates(q[known], self.times[known], order), strict=True):
             level[known] = rates
         return [level.T for level in levels]
+
+    def rates(self, q: Any, times: Any, order: int) -> list[Any]:
+        """Return the rates (B, n) of poses up to an order."""
+        return rates_at(self.model, q, times, order)
 
     def _one(self, step: Any, t: float, order: int) -> list[Any]:
         """Return the levels of one pose: what is made for many costs as much as what exudyn does."""
@@ -189,6 +193,41 @@ class Static:
             q = step(t, self.start)
             return [level[:, None] for level in (q, *(self.model.rates(q, t, order) if order else ()))]
         return [np.full((len(self.start), 1), np.nan)] * (order + 1)
+
+
+class SpaceStatic(Static):
+    """A scene of space, each pose by exudyn's Newton from where the polynomial through the last ones leads."""
+
+    model: Any
+
+    def __init__(self, scene: Scene, tolerance: float) -> None:
+        kept = SpaceModel(scene, Producer(name="exudyn", version="", route=STATIC), (tolerance,))
+        self.scene, self.extrapolates, self.tolerance = scene, True, tolerance
+        self.equations, self.model, self.start = kept.equations, kept.model, kept.start
+        self.times = np.array(scene.times)
+        self.weights = extrapolation(self.times)
+
+    def step(self, t: float, start: Any) -> Any:
+        """Return the pose at a time from a start."""
+        for tolerance in (self.tolerance, max(self.tolerance, BARE)):
+            self.model.set_state(unit(start), t)
+            if self.model.newton(tolerance):
+                return unit(self.model.coordinates())
+        raise EngineError(f"its Newton did not reach {tolerance:g}")
+
+    def read(self, levels: list[Any]) -> list[Any]:
+        """Return an answer as levels of bodies (7 b, T) [m]."""
+        return [self.equations.numbers.levels(level, order) for order, level in enumerate(levels)]
+
+    def rates(self, q: Any, times: Any, order: int) -> list[Any]:
+        """Return the rates (B, n) of poses up to an order."""
+        if not order or not len(q):
+            return [q] * order
+        jacobians, right = self.equations.velocities(q, times)
+        rates = [solved(jacobians, right)]
+        if order > 1:
+            rates.append(solved(jacobians, self.equations.gamma(q, rates[0], times)))
+        return rates
 
 
 class LoadSteps:

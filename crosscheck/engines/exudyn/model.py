@@ -31,8 +31,10 @@ class ExudynSystem:
     zero, which our square does not tell from its absolute value, exudyn is given that.
 
     It has n coordinates and m rows, which may depend on each other if it is `redundant`; its static Newton, by its
-    `settings`, stops by an absolute tolerance alone.
+    `settings`, stops by an absolute tolerance alone. A model that is `plain` has rates of one pose (`ExudynModel.rates`).
     """
+
+    plain = False
 
     def __init__(self) -> None:
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope

@@ -113,6 +113,14 @@ class SpaceEquations(OwnSolver):
             out.append(self._with_own(-self.model.law_rates(each[1])))
         return np.array(out)
 
+    def velocities(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return the Jacobians (B, rows, n) of poses, and the right sides (B, rows) of their velocities."""
+        slopes, right = [], []
+        for each in zip(q, t.tolist(), strict=True):
+            slopes.append(self.model.both(*each)[1])
+            right.append(self._with_own(-self.model.law_rates(each[1])))
+        return self._whole(q, np.array(slopes)), np.array(right)
+
     def _with_own(self, right: Array, qd: Any = None) -> Array:
         bodies = len(self.numbers.bodies)
         lengths = np.zeros(bodies) if qd is None else -np.sum(qd.reshape(-1, 7)[:, 3:] ** 2, axis=1)
