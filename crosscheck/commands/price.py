@@ -159,8 +159,7 @@ def to_json(prices: PriceList, asked: Sequence[str] = PRICED) -> dict[str, Any]:
 
 ADAPTERS = (
     "a price is that of an engine through its adapter, in Python: Newton of Pinocchio and MuJoCo is the adapter's, so "
-    "are the linear solves of exudyn's rates; what is written out for one mechanism may cost less, exudyn's in space a "
-    "good part less"
+    "are the linear solves of exudyn's rates; what is written out for one mechanism may cost less"
 )
 
 

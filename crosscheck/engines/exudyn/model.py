@@ -31,7 +31,7 @@ class ExudynSystem:
     zero, which our square does not tell from its absolute value, exudyn is given that.
 
     It has n coordinates and m rows, which may depend on each other if it is `redundant`; its static Newton, by its
-    `settings`, stops by an absolute tolerance alone. A model that is `plain` has rates of one pose (`ExudynModel.rates`).
+    `settings`, stops by an absolute tolerance alone. One that is `plain` has rates of one pose (`ExudynModel.rates`).
     """
 
     plain = False
