@@ -134,7 +134,13 @@ def coarse(times: Array) -> Array:
 
 
 def between(known: Array, q: Array, rates: Array, times: Array) -> Array:
-    """Return poses (T, n) by the cubics between those of known times (K,), q and rates (K, n); of one time that."""
+    """Return poses (T, n) by the cubics between those that are known; of one time that pose.
+
+    Parameters
+    ----------
+    known, q, rates, times : (K,), (K, n), (K, n), (T,) array
+        Times of the known poses, these and their rates; the times that are asked for.
+    """
     if len(known) == 1:
         return q.copy()
     h = known[1] - known[0]
