@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import RefkinError, expect
+from refkin.errors import InvalidRequest, RefkinError, expect
 from refkin.fast.block import CODES, NEVER_FOUND, OK, Block
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.run import block_samples
@@ -150,6 +150,8 @@ def solve_many(
         If the equations have redundant rows, or none for some coordinate, or if bodies are of space.
     """
     expect("scene", scene, Scene)
+    if not (reducer is None or callable(reducer)):
+        raise InvalidRequest("reducer", "what takes a Slice", repr(reducer))
     group, made = _prepared(scene, geometry, estimates)
     left_out = dropped(scene.mechanism, group.scene.mechanism)
     samples, many = group.size, _unsolved(group, made, left_out, reducer is None)

@@ -211,8 +211,9 @@ class SpaceStatic(Static):
         """Return the pose at a time from a start."""
         for tolerance in (self.tolerance, max(self.tolerance, BARE)):
             self.model.set_state(unit(start), t)
-            if self.model.newton(tolerance):
-                return unit(self.model.coordinates())
+            with suppress(EngineError):
+                if self.model.newton(tolerance):
+                    return unit(self.model.coordinates())
         raise EngineError(f"its Newton did not reach {tolerance:g}")
 
     def read(self, levels: list[Any]) -> list[Any]:

@@ -27,7 +27,7 @@ from refkin import (
     Status,
     Table,
 )
-from refkin.errors import InvalidScene, UnknownName
+from refkin.errors import InvalidRequest, InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep
 from refkin.fast.block import SMALL, Block
 from refkin.fast.family import _change, common_extrema, family, may_turn
@@ -188,6 +188,11 @@ def test_bad_samples_do_not_slow_the_others():
             best[name] = min(best.get(name, np.inf), time.process_time() - start)
 
     assert best["spoilt"] < 1.5 * best["good"]
+
+
+def test_what_is_no_reducer_is_refused_before_the_work_begins():
+    with pytest.raises(InvalidRequest, match="reducer: expected what takes a Slice, got 3"):
+        solve_many(scene(20), {}, reducer=3)
 
 
 def test_a_reducer_sees_what_is_stored_otherwise():
