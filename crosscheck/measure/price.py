@@ -213,7 +213,7 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 columns[f"spread{SUFFIX[poses]}"] = spread
                 notes.append(limit if poses == "cycle" else "")
                 if seconds is not None and spread is None:
-                    notes.append(f"{POSES[poses]} timed once, with all rates")
+                    notes.append(f"{POSES[poses]} timed once, all quantities together")
             if key in progress.unasked:
                 notes.append(f"{POSES['bulk']} not asked, for want of time")
             build = answer.get("build")

@@ -768,7 +768,7 @@ def test_what_was_timed_once_is_said_to_be_and_costs_what_that_took():
         None,
     )
     assert (position.note, position.digits, velocity.digits) == (
-        "a limit; one cycle timed once, with all rates",
+        "a limit; one cycle timed once, all quantities together",
         9.0,
         None,
     )

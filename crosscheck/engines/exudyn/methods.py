@@ -243,7 +243,6 @@ class LoadSteps:
         self.step = (scene.times[-1] - self.first) / (len(scene.times) - 1)
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
         self.start = start_of(scene, unit)
-        self.model.mbs.SetPostStepUserFunction(self._keep)
         self.one, self.all = quiet_settings(), quiet_settings()
         steps = self.all.staticSolver
         steps.loadStepStart, steps.loadStepDuration = self.first, scene.times[-1] - self.first
@@ -258,27 +257,27 @@ class LoadSteps:
     def solve(self, order: int) -> list[Any]:
         """Return the levels up to an order, NaN from where SolveStatic stops."""
         model, levels = self.model, np.full((order + 1, len(self.times), len(self.start)), np.nan)
-        self.poses = levels[0]
         model.clock.follows = False
         model.set_time(self.first)
+        model.mbs.SetPostStepUserFunction(partial(_keep, levels[0], self.first, self.step))
         with suppress(EngineError):
             model.solve_static(self.start, self.one)
-            self.poses[:] = np.nan
-            self.poses[0] = first = model.data.GetODE2Coordinates(CURRENT)
+            levels[0][:], levels[0][0] = np.nan, model.data.GetODE2Coordinates(CURRENT)
             model.clock.follows = True
-            model.solve_static(first, self.all)
+            model.solve_static(levels[0][0], self.all)
         model.clock.follows = False
-        known = np.isfinite(self.poses[:, 0])
-        for level, rates in zip(levels[1:], rates_at(model, self.poses[known], self.times[known], order), strict=True):
+        known = np.isfinite(levels[0][:, 0])
+        for level, rates in zip(levels[1:], rates_at(model, levels[0][known], self.times[known], order), strict=True):
             level[known] = rates
         return [level.T for level in levels]
 
-    def _keep(self, mbs: Any, t: float) -> bool:
-        """Keep the pose that exudyn has come to, if it is one of the times: it may take smaller steps."""
-        k = (t - self.first) / self.step
-        if abs(k - round(k)) <= UNEVEN * len(self.times):
-            self.poses[round(k)] = self.model.data.GetODE2Coordinates(CURRENT)
-        return True
+
+def _keep(poses: Any, first: float, step: float, mbs: Any, t: float) -> bool:
+    """Keep the pose that exudyn has come to, if it is at one of the times: it may take smaller steps."""
+    k = (t - first) / step
+    if abs(k - round(k)) <= UNEVEN * len(poses) and 0 <= round(k) < len(poses):
+        poses[round(k)] = mbs.systemData.GetODE2Coordinates(CURRENT)
+    return True
 
 
 class ChainSolver:
