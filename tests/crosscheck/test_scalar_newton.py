@@ -17,6 +17,7 @@ from crosscheck.engines.mujoco import methods as of_mujoco
 from crosscheck.engines.mujoco.methods import ConnectRows
 from crosscheck.engines.pinocchio import methods as of_pinocchio
 from crosscheck.engines.pinocchio.methods import Anchors
+from crosscheck.engines.tree import at_once
 from crosscheck.engines.tree.scalars import LIMITS
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.price_process import questions
@@ -182,8 +183,8 @@ def test_where_the_links_do_not_meet_there_is_no_answer_and_none_after(producer)
     short = refkin.FourBar(ground=4.0, crank=1.0, coupler=2.0, rocker=2.123)
     law = Polynomial(coefficients=(0.3, 1.0))
     scene = replace(short.scene(law=law, times=[0.0]), times=tuple(np.linspace(0.0, 3.0, 13).tolist()))
-    at_once = [next(one for one in methods(producer) if one.name == name) for name in (ON_ITS_ROWS, AT_ONCE[producer])]
-    for one in (settings(producer)[-1], *at_once):
+    together = [next(one for one in methods(producer) if one.name == name) for name in (ON_ITS_ROWS, AT_ONCE[producer])]
+    for one in (settings(producer)[-1], *together):
         model = one.model(scene)
         levels = model.read(model.solve(2))
         there = np.isfinite(levels[0]).all(axis=0)
@@ -191,7 +192,7 @@ def test_where_the_links_do_not_meet_there_is_no_answer_and_none_after(producer)
         assert there[0]
         assert not there[6:8].any()
         assert all((np.isfinite(level).all(axis=0) == there).all() for level in levels)
-        assert one in at_once or list(there) == sorted(there, reverse=True)
+        assert one in together or list(there) == sorted(there, reverse=True)
 
 
 def off(numbers):
@@ -224,3 +225,13 @@ def test_so_is_one_of_many_poses(producer, name, reds, monkeypatch):
     found = digits(producer, FOUR_BAR, name=AT_ONCE[producer])
 
     assert [k for k in range(3) if not found[k] > 12.0] == reds
+
+
+@pytest.mark.parametrize("producer", MANY)
+def test_a_pose_of_many_at_which_newton_does_not_end_is_none(producer, monkeypatch):
+    monkeypatch.setattr(at_once, "MOST_NEWTON", 1)
+    scene = replace(FOUR_BAR, times=tuple(np.linspace(*np.array(FOUR_BAR.times)[[0, -1]], 200).tolist()))
+    levels = settings(producer, AT_ONCE[producer])[-1].model(scene).solve(2)
+
+    assert np.isnan(levels[0]).any()
+    assert all(np.array_equal(np.isnan(level).any(axis=0), np.isnan(levels[0]).any(axis=0)) for level in levels)

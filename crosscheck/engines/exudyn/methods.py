@@ -122,11 +122,16 @@ def _shipped(scene: Scene) -> Model:
 def _static(tolerance: float, scene: Scene) -> Model:
     at = Static(_checked(scene), scene.mechanism.unit())
     step = ShippedSolve(at.model, 1.0)
-    step.settings.staticSolver.newton.absoluteTolerance = tolerance
-    step.settings.staticSolver.newton.relativeTolerance = 0.0
-    if at.model.redundant:
-        bear_redundant_rows(step.settings)
+    _stop_at(tolerance, step.settings, at.model)
     return at.by(step)
+
+
+def _stop_at(tolerance: float, settings: Any, model: ExudynModel) -> None:
+    """Have SolveStatic stop by an absolute tolerance alone, and bear what rows there are."""
+    settings.staticSolver.newton.absoluteTolerance = tolerance
+    settings.staticSolver.newton.relativeTolerance = 0.0
+    if model.redundant:
+        bear_redundant_rows(settings)
 
 
 def _newton(tolerance: float, scene: Scene) -> Model:
@@ -178,10 +183,7 @@ class Static:
             except EngineError:
                 if self.extrapolates:
                     start, since, weights = self.start, k + 1, extrapolation(self.times[k + 1 :])
-        known = np.isfinite(q[:, 0])
-        for level, rates in zip(levels[1:], self.rates(q[known], self.times[known], order), strict=True):
-            level[known] = rates
-        return [level.T for level in levels]
+        return _with_rates(levels, self.times, self.rates)
 
     def rates(self, q: Any, times: Any, order: int) -> list[Any]:
         """Return the rates (B, n) of poses up to an order."""
@@ -249,10 +251,7 @@ class LoadSteps:
         steps.numberOfLoadSteps = len(self.times) - 1
         for settings in (self.one, self.all):
             if tolerance is not None:
-                settings.staticSolver.newton.absoluteTolerance = tolerance
-                settings.staticSolver.newton.relativeTolerance = 0.0
-            if self.model.redundant:
-                bear_redundant_rows(settings)
+                _stop_at(tolerance, settings, self.model)
 
     def solve(self, order: int) -> list[Any]:
         """Return the levels up to an order, NaN from where SolveStatic stops."""
@@ -266,10 +265,15 @@ class LoadSteps:
             model.clock.follows = True
             model.solve_static(levels[0][0], self.all)
         model.clock.follows = False
-        known = np.isfinite(levels[0][:, 0])
-        for level, rates in zip(levels[1:], rates_at(model, levels[0][known], self.times[known], order), strict=True):
-            level[known] = rates
-        return [level.T for level in levels]
+        return _with_rates(levels, self.times, partial(rates_at, model))
+
+
+def _with_rates(levels: Any, times: Any, rates: Any) -> list[Any]:
+    """Return levels (n, T) of which the poses are there, with the rates of those that were found."""
+    known = np.isfinite(levels[0][:, 0])
+    for level, found in zip(levels[1:], rates(levels[0][known], times[known], len(levels) - 1), strict=True):
+        level[known] = found
+    return [level.T for level in levels]
 
 
 def _keep(poses: Any, first: float, step: float, mbs: Any, t: float) -> bool:
