@@ -18,6 +18,7 @@ from crosscheck.engines.tree.newton import _extrapolated, solved_rows
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
+from crosscheck.measure.price_process import questions
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -325,3 +326,19 @@ def test_a_joint_that_a_function_defines_is_copied():
     assert other == scene
     assert other.mechanism.joints[0] is not scene.mechanism.joints[0]
     assert check(scene, ["pinocchio"]).disagreements == []
+
+
+@pytest.mark.parametrize("producer", PRICED)
+def test_whoever_answers_a_cycle_answers_the_pose_that_is_needed_now(producer):
+    """Also late in the cycle: what fails there is a row without a price."""
+    asked = questions(LINKAGE.scene(speed=0.5, samples=73))
+    for one in methods(producer, Use.PRICE):
+        (cycle, _), (late, _) = asked["cycle"].of(one)[0], asked["one"].of(one)[-1]
+        try:
+            model = one.model(cycle)
+        except EngineError:
+            continue
+        now = one.model(late)
+        whole, pose = (next(iter(each.read(each.solve(0)))) for each in (model, now))
+
+        assert np.isfinite(pose[:, -1]).all() or not np.isfinite(whole).all(), one.key
