@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from crosscheck.judge.prices import POSES, offers
+from crosscheck.judge.records import QUANTITIES
+from crosscheck.report.first_table import first_table
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -28,9 +30,54 @@ def test_the_programs_run_one_after_the_other_and_engines_agree(capsys):
     assert {answer["engine"] for answer in names["record"]["answers"]} == {"exudyn", "pinocchio", "mujoco"}
 
 
+SAMPLE = json.loads((ROOT / "reports/sample/report.json").read_text(encoding="utf-8"))
+ROWS_OF_ANSWERS = {
+    "exudyn, its static solver, tight tolerance": ("exudyn", "static"),
+    "exudyn, default settings": ("exudyn", "shipped"),
+    "Pinocchio's equations, our Newton iteration": ("pinocchio", "joint tree"),
+    "MuJoCo's equations, our Newton iteration": ("mujoco", "newton"),
+    "formulas without iteration (no engine)": ("closed_form", "float"),
+}
+AS_SHIPPED = ("mj_step, as shipped", "closed-chain example")
+
+
+def test_the_digits_of_the_readme_are_those_of_the_sample_report():
+    """Its table has a row for every method of the page's first block, in the cells' own numbers."""
+    first = first_table(SAMPLE)[0]["rows"]
+    lines = re.findall(r"^\| ([^|]+) \| (.+) \| (.+) \| (.+) \| ([\de.+]+) \| (.+) \|$", TEXT, re.MULTILINE)
+    shown = {ROWS_OF_ANSWERS[who]: (cells, float(worst), silent) for who, *cells, worst, silent in lines}
+
+    assert shown.keys() == {(row["engine"], row["method"]) for row in first}
+    for row in first:
+        cells, worst, silent = shown[row["engine"], row["method"]]
+        levels = SAMPLE["engines"][row["engine"]][row["method"]]
+        largest = max(levels[quantity]["worst_over_allowed"] for quantity in QUANTITIES)
+        digits = [
+            f"{c['median']:.1f} / {c['worst']:.1f}" if c["worst"] > 0 else f"{c['median']:.1f} / **none**"
+            for c in row["cells"]
+        ]
+        assert (cells, float(f"{largest:.1g}" if largest > 1.0 else f"{largest:.2f}")) == (digits, worst)
+        kinds = re.search(r"\d+ of \d+ kinds of hard cases", row["silent"])
+        assert kinds[0] in silent if kinds else silent.startswith("nowhere")
+
+
+def test_what_the_readme_counts_is_what_the_sample_report_counts():
+    reference, common = SAMPLE["reference"], SAMPLE["same_scenes"][0]["scenes"]
+    cases = {(row["case"], row["distance"]) for row in SAMPLE["hard_cases"]}
+    silent = {row["method"]: row["silent"] for block in first_table(SAMPLE) for row in block["rows"] if "method" in row}
+    stepped, example = (re.match(r"\d+ of \d+", silent[method])[0] for method in AS_SHIPPED)
+
+    poses = sum(reference["statuses"].values())
+    assert f"SEED={SAMPLE['seed']}`: {SAMPLE['scenes']:,} mechanisms, {poses:,} poses" in TEXT
+    assert f"those on the {common:,} mechanisms" in TEXT
+    assert f"a fixed list of {SAMPLE['hard_cases'][0]['of']}" in TEXT
+    assert f"This night had time for {len(cases)}:" in TEXT
+    assert f"at {stepped} and {example} of the kinds" in TEXT
+    assert all(SAMPLE["versions"][name] in TEXT for name in ("exudyn", "pinocchio", "mujoco"))
+
+
 def test_the_prices_of_the_readme_are_those_of_the_sample_report():
-    rows = json.loads((ROOT / "reports/sample/report.json").read_text(encoding="utf-8"))["price"]
-    regular = [row for row in rows if row["scene_class"] == "regular"]
+    regular = [row for row in SAMPLE["price"] if row["scene_class"] == "regular"]
     table = re.findall(r"^\| (exudyn|Pinocchio|MuJoCo) \| (.+) \| (.+) \| (.+) \|$", TEXT, re.MULTILINE)
 
     def prices(engine):
