@@ -18,6 +18,7 @@ from crosscheck.engines.closed_form.space import BETWEEN, SpatialAssembly
 from crosscheck.engines.closed_form.space_motion import _lowest_between, _proved_absent
 from crosscheck.engines.closed_form.space_vectors import least_squares
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
+from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SpaceScene
 from crosscheck.engines.spatial.turning import product
@@ -327,3 +328,21 @@ def test_a_screw_whose_slide_goes_as_far_as_it_turns_moves_what_hangs_on_it(pitc
     assert m.size() == 2.0
     assert [str(seen) for seen in record.disagreements] == []
     assert [answer.compared for answer in record.answers] == [4, 4]
+
+
+@pytest.mark.parametrize("engine", [PinocchioSpace, MujocoSpace])
+def test_what_is_kept_of_the_last_poses_is_of_these_alone(scene: Scene, engine: type) -> None:
+    """Nor do drift terms, which are put together from the same, change what rows are there."""
+    system, other = (SpaceScene.of(scene, engine).system for _ in range(2))
+    t = np.array(scene.times[:1])
+    start = system.start(t[0])
+    q = start[None].copy()
+    rows = [*map(np.copy, system.rows(q, t))]
+    system.gamma(q, np.ones_like(q), t)
+    again = system.rows(q, t)
+    q += 0.01
+    start += 0.01
+
+    assert all(np.array_equal(a, b) for a, b in zip(rows, again, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(system.rows(q, t), other.rows(q, t), strict=True))
+    assert np.array_equal(system.start(t[0]), other.start(t[0]))

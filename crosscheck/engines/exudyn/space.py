@@ -113,6 +113,10 @@ class ExudynSpace(ExudynSystem):
         self.begin(redundant=True)  # rows may depend on each other, spins idle
         self.live = [list(self.data.GetObjectLTGAE(line.item))[line.own] for line in self.lines]
         self.driven = [(k, line, line.drive) for k, line in enumerate(self.lines) if line.drive is not None]
+        meeting = [(k, line) for k, line in enumerate(self.lines) if line.what == "d"]
+        self._others = [pair for pair in enumerate(self.lines) if pair[1].what != "d"]
+        self._meeting, self._ends = [k for k, _ in meeting], self.read.ends([line for _, line in meeting])
+        self._factors = np.array([line.factor for _, line in meeting])
         self.t, self.f = np.nan, [np.nan] * len(self.driven)
         self.still, self.no_forces = np.tile(STILL, len(numbers.bodies)), np.zeros(self.m)
 
@@ -255,13 +259,21 @@ class ExudynSpace(ExudynSystem):
         return out
 
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return gamma (B, m) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
+        """Return gamma (B, m) in columns (v, w): minus the second derivative of rows while v and w stay as they are.
+
+        What is read of points and axes is where bodies are, whatever the time.
+        """
         states = []
-        for each in zip(q, t.tolist(), qd, strict=True):
-            self.set_state(*each)
+        for at, rate in zip(q - self.still, qd, strict=True):
+            self.data.SetODE2Coordinates(at, CURRENT)
+            self.data.SetODE2Coordinates_t(rate, CURRENT)
             states.append(self.read.now())
         self.read.keep(states)
-        return np.stack([-self._bend(line, t) for line in self.lines], axis=1)
+        out, (i, j) = np.empty((len(t), len(self.lines))), map(self.read.at, self._ends)
+        out[:, self._meeting] = (i - j) * self._factors  # of points that meet, most rows: all together
+        for k, line in self._others:
+            out[:, k] = -self._bend(line, t)
+        return out
 
     def _bend(self, line: SpatialRow, t: Array) -> Array:
         """Return the second derivatives (B,) of one row."""
@@ -269,7 +281,7 @@ class ExudynSpace(ExudynSystem):
         f = [0.0 * t if line.drive is None else line.drive.value(t, k) for k in range(3)]
         if line.drive is None or line.what != "dot":
             return line.factor * self.read.bend(line, f)
-        frame = np.array([hold.frame_i @ about_z(angle) for angle in f[0]])
+        frame = hold.frame_i @ about_z(f[0])
         x, y = (self.read.axis(hold.body_i, frame[..., k]) for k in (G, F))  # x' loses f' y, y' gains f' x
         f1, f2 = f[1][:, None], f[2][:, None]
         turned = (x[0], x[1] - f1 * y[0], x[2] - 2.0 * f1 * y[1] - f2 * y[0] - f1**2 * x[0])

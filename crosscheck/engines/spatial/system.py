@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -123,6 +123,7 @@ class SpaceSystem(Equations):
         self._spins = [(tree.numbers.bodies.index(body), line) for body, (_, line) in first]
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)
+        self._last: tuple[Array, State] | None = None
         self.own = 3 * len(self.pairs)
         self._held = self.own + len(self._rows) + len(self._spins) + len(tree.balls)
 
@@ -181,8 +182,14 @@ class SpaceSystem(Equations):
 
     # rows
 
+    def _still(self, q: Array) -> State:
+        """Return what the engine has at poses (B, n); asked again for the last ones, what it had."""
+        if self._last is None or not np.array_equal(q, self._last[0]):
+            self._last = q.copy(), self.engine.still(q)
+        return self._last[1]
+
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        state, columns = self.engine.still(q), self.tree.rates(q)
+        state, columns = self._still(q), self.tree.rates(q)
         residual = np.zeros((len(t), self._held + len(self._driven)))
         jacobian = np.zeros((*residual.shape, self.tree.width))
         slopes = np.empty((len(t), self._held - len(self.tree.balls), columns.shape[1]))
@@ -218,8 +225,8 @@ class SpaceSystem(Equations):
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         rates = (self.tree.rates(q) @ qd[:, :, None])[:, :, 0]
-        moving, state = self.engine.moving(q, rates, None), self.engine.still(q)
-        state.vel, state.acc, state.gap_acc = moving
+        vel, acc, gap_acc = self.engine.moving(q, rates, None)
+        state = replace(self._still(q), vel=vel, acc=acc, gap_acc=gap_acc)
         right = np.empty((len(t), self._held + len(self._driven)))
         right[:, : self.own] = -state.gap_acc.reshape(len(t), self.own)
         k = self.own
@@ -252,7 +259,7 @@ class SpaceSystem(Equations):
     def bodies(self, q: Array, qd: Array | None, qdd: Array | None) -> tuple[Array, ...]:
         """Return of the bodies at B poses: places (B, b, 3), rotations; velocities (B, b, 6), accelerations."""
         count = len(self.tree.numbers.bodies)
-        state = self.engine.still(q)
+        state = self._still(q)
         if qd is None:
             return state.r[:, :count], state.axes[:, :count]
         columns = self.tree.rates(q)

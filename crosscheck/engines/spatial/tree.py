@@ -128,6 +128,10 @@ class SpaceTree:
 
     def start(self) -> Array:
         """Return the coordinates nearest the bodies' estimates; EngineError if a body has none."""
+        return self._nearest.copy()
+
+    @cached_property
+    def _nearest(self) -> Array:
         q = np.zeros(self.width)
         poses = {GROUND: (np.zeros(3), np.eye(3))}
         for body, estimate in self.estimates.items():
