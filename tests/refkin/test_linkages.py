@@ -267,6 +267,9 @@ def test_all_faults_of_a_linkage_come_at_once():
         ({"law": refkin.Polynomial(coefficients=(1.0,))}, "times"),
         ({"law": refkin.Polynomial(coefficients=()), "times": [0.0]}, "law.coefficients"),
         ({"law": refkin.Polynomial(coefficients=(1.0,)), "times": [1.0, 0.0]}, "times"),
+        ({"times": [0.0, "1"]}, "times"),
+        ({"times": [True, 2.0]}, "times"),
+        ({"times": [0.0, math.inf]}, "times"),
     ],
 )
 def test_scene_names_the_argument_that_makes_no_sense(arguments, path):
@@ -387,3 +390,8 @@ def test_times_without_a_law_are_those_of_a_constant_speed(linkage):
         linkage.scene(law=driver.laws[0])
     with pytest.raises(refkin.InvalidScene, match=r"law: expected a motion law, as Polynomial, got 5"):
         linkage.scene(law=5, times=(0.0,))
+    table = refkin.Table(argument=(0.0, 1.0, 2.0), value=(0.1, 0.2, 0.3))
+    with pytest.raises(refkin.InvalidScene, match=r"law: expected a finite number at t = 2\.5, got nan"):
+        linkage.scene(law=table, times=(1.0, 2.5))
+    with pytest.raises(refkin.InvalidScene, match=r"law: expected a finite number at t = -1e\+308, got -inf"):
+        linkage.scene(speed=2.0, times=(-1e308,))

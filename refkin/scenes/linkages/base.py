@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, ClassVar, TypeVar, cast
@@ -373,7 +373,7 @@ def law_and_times(
     law, times : Law, sequence of float; optional
         In place of all of these; times in [s].
     """
-    given = None if times is None else [float(t) for t in times]
+    given = None if times is None else [*times] if isinstance(times, Iterable) else [times]
     counted = f"a whole number from 2 to {MOST_TIMES}"
     asked = (
         ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
@@ -386,10 +386,15 @@ def law_and_times(
         faults += law.faults("law") if hasattr(law, "faults") else [Fault("law", law, "a motion law, as Polynomial")]
     if given == [] or (given is None and law is not None):
         faults.append(Fault("times", times, "one time [s] or more"))
+    faults += [Fault("times", t, "finite numbers [s]") for t in given or () if not _is_finite(t)][:1]
     if faults:
         raise InvalidScene(faults, "linkage")
     law = Polynomial(coefficients=(float(start), float(speed))) if law is None else law
-    return law, given or np.linspace(0.0, math.tau * turns / abs(speed), samples).tolist()
+    at = [float(t) for t in given] if given else np.linspace(0.0, math.tau * turns / abs(speed), samples).tolist()
+    lost = next(((t, value) for t in at if not math.isfinite(value := float(law(t)))), None)
+    if lost is not None:
+        raise InvalidScene([Fault("law", lost[1], f"a finite number at t = {lost[0]!r}")], "linkage")
+    return law, at
 
 
 def _is_finite(value: object) -> bool:
