@@ -6,7 +6,6 @@ program of their own, or from `refkin.proof`; the pose and the rates are what th
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
@@ -30,6 +29,7 @@ from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64, are_sharp
+from refkin.solving.limits import slow_enough
 from refkin.system import System
 
 ROUTE = Route(
@@ -71,7 +71,7 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
         return None
     levels, off = corrected, residual(ready.checked, corrected[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
-    if not closed or not all(math.isfinite(rates.sum()) for rates in levels[1:]):
+    if not closed or not np.all(slow_enough(levels[1:])):
         return None
     near = np.flatnonzero(~(pivot > CLEAR))
     levels = without_spin(system, _by_pivots(system, levels, t, near))

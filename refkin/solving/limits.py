@@ -9,10 +9,13 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
+
+import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.model import Scene
@@ -30,6 +33,14 @@ LONG = 5.0
 """Seconds of silence; then it is said again after twice as long."""
 LOOK = 0.5
 """Seconds between two looks."""
+FASTEST = 1e140
+"""The largest velocity of a pose that is ok [sizes or rad, per s], and the root of the largest acceleration: a point is
+moved by their squares, which must be numbers."""
+
+
+def slow_enough(rates: Sequence[Any]) -> Any:
+    """Return at which times (T,) velocities and accelerations (n, T), as far as there are any, are none too large."""
+    return np.all([np.abs(x).max(axis=0, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
 
 
 def expected_seconds(scene: Scene) -> float:

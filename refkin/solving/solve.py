@@ -28,7 +28,7 @@ from refkin.proof.pose.isolate import FLOAT64, Isolation, isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
-from refkin.solving.limits import check_size, said_if_long
+from refkin.solving.limits import check_size, said_if_long, slow_enough
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.straight_line import StraightLineSystem
@@ -202,13 +202,13 @@ class _Answer:
             ok = self._closed(samples) & regular & has_digits(self.system, self.q[:, samples], self.t[samples])
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])
-        finite = np.isfinite(np.concatenate(self._called_for() or [self.q])).all(axis=0)
+        slow = slow_enough(self._called_for() or [self.q])
         for k, isolated, closes in zip(samples.tolist(), ok.tolist(), self._closed(samples).tolist(), strict=True):
             if self.status[k] is Status.OK and not isolated:
                 self.status[k] = Status.SINGULAR if closes and self._has_digits(k) else Status.NOT_CONVERGED
-            if self.status[k] is Status.OK and not finite[k]:
+            if self.status[k] is Status.OK and not slow[k]:
                 self.status[k] = Status.NOT_CONVERGED
-                self.messages.append(f"rates at t = {self.t[k]:.17g} are not finite")
+                self.messages.append(f"rates at t = {self.t[k]:.17g} are too large for numbers")
         for k in samples[1:]:  # no pose counts as one of the branch after one that is not
             if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
                 self.status[k] = Status.BRANCH_LOST
@@ -266,7 +266,7 @@ class _Answer:
         q, t = self.q[:, samples], self.t[samples]
         system = self.system.held_at(q)
         phi_q = system.phi_q(q, t)
-        with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
+        with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are no numbers is not ok
             self.qd[:, samples] = velocity(system, q, t, phi_q)
             if Effect.ACCELERATION in system.effects:
                 self.qdd[:, samples] = acceleration(system, q, self.qd[:, samples], t, phi_q)

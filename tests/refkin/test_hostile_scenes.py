@@ -815,7 +815,19 @@ def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_
 def test_a_time_whose_accelerations_are_beyond_the_largest_number_is_not_ok():
     law = refkin.Polynomial(coefficients=(0.0, 1e200))
     motion = refkin.solve(ROCKER.scene(law=law, times=[0.0]))
-    assert (motion.verdict, motion.message) == ("not_converged", "rates at t = 0 are not finite")
+    assert (motion.verdict, motion.message) == ("not_converged", "rates at t = 0 are too large for numbers")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("solve", [refkin.solve, fast.sweep])
+@pytest.mark.parametrize(("speed", "verdict"), [(1e138, "ok"), (1e141, "not_converged"), (1e154, "not_converged")])
+def test_a_time_at_which_a_point_goes_beyond_the_largest_number_is_not_ok(solve, speed, verdict):
+    """Its body turns about a pin that does not move: coordinates and rates of it are numbers."""
+    scene = ROCKER.scene(law=refkin.Polynomial(coefficients=(0.5, speed)), times=[0.0])
+    motion = solve(replace(scene, points=(refkin.Point(name="far", body="crank", position=(1e8, 0.0)),)))
+
+    assert motion.verdict == verdict
+    assert np.isfinite(motion.points["far"].a).all() == (verdict == "ok")
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ SAID = {
 ELSEWHERE = {
     "the scene has no first pose: {}": "test_diagnose.py: redundant_rows_that_contradict_each_other",
     "q: {} numbers; expected {}, or {} without parameters": "test_diagnose.py: has_too_few_coordinates",
-    "rates at t = {} are not finite": "test_hostile_scenes.py: a_time_whose_accelerations_are_beyond",
+    "rates at t = {} are too large for numbers": "test_hostile_scenes.py: a_time_whose_accelerations_are_beyond",
     "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
