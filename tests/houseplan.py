@@ -1,4 +1,4 @@
-"""The import graph of the sources, read from their text: modules, arrows, circles, floors."""
+"""The import graph of the sources, read from their text: modules, arrows, floors."""
 
 from __future__ import annotations
 
@@ -61,31 +61,6 @@ def arrows():
         value = {module_of(other) for other in imported(path)} - {None, name}
         graph[name] = set() if name in faces and name in ("refkin", "crosscheck") else value
     return graph
-
-
-def circles(graph):
-    """Return the strongly connected components of more than one node (Tarjan)."""
-    order, low, stack, result = {}, {}, [], []
-
-    def visit(node):
-        order[node] = low[node] = len(order)
-        stack.append(node)
-        for other in graph[node]:
-            if other not in order:
-                visit(other)
-            if other in stack:
-                low[node] = min(low[node], low[other])
-        if low[node] == order[node]:
-            component = set()
-            while node not in component:
-                component.add(stack.pop())
-            if len(component) > 1:
-                result.append(component)
-
-    for node in graph:
-        if node not in order:
-            visit(node)
-    return result
 
 
 def folded(graph, folder_of):

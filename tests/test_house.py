@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from graphlib import TopologicalSorter
 
 import pytest
 
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Disc, Driver, Polar
-from tests.houseplan import ROOT, arrows, circles, floors, folded, imported, module_of, modules, sources, tree
+from tests.houseplan import ROOT, arrows, floors, folded, imported, module_of, modules, sources, tree
 
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
 TYPES_AND_LAWS = {"refkin.model", "refkin.motion", "refkin.motion_laws", "refkin.joints", "refkin.errors"}
@@ -85,8 +86,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 60_138
-    assert size["tests"] <= 47_973
+    assert size["refkin"] + size["crosscheck"] <= 60_154
+    assert size["tests"] <= 47_969
 
 
 ALL = ("refkin", "crosscheck", "tests")
@@ -173,7 +174,7 @@ def test_a_module_is_imported_where_the_graph_sees_it():
 
 
 def test_no_files_import_each_other_in_a_circle():
-    assert circles(arrows()) == []
+    assert [*TopologicalSorter(arrows()).static_order()]  # a CycleError names the files
 
 
 def folder_of(name):
@@ -187,7 +188,7 @@ def folder_of(name):
 
 
 def test_no_folders_import_each_other_in_a_circle():
-    assert circles(folded(arrows(), folder_of)) == []
+    assert [*TopologicalSorter(folded(arrows(), folder_of)).static_order()]
 
 
 OF_CROSSCHECK = (
