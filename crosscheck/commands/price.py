@@ -15,7 +15,17 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
-from crosscheck.judge.prices import CONTENDS, POSES, STEPS, SUFFIX, Cheapest, PriceRow, cheapest, repeated
+from crosscheck.judge.prices import (
+    CONTENDS,
+    POSES,
+    STEPS,
+    SUFFIX,
+    Cheapest,
+    PriceRow,
+    cheapest,
+    may_be_cheapest,
+    repeated,
+)
 from crosscheck.judge.records import read_file
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.check import key_of
@@ -70,12 +80,12 @@ def price(
         print(error, file=sys.stderr)
         return DISAGREEMENT
     result, same = to_json(prices, asked), True
+    if not as_json:
+        print_list(result)
     if before is not None:
         same = print_repeated(before, result, as_json)
     elif as_json:
         print(json.dumps(result, allow_nan=False))
-    else:
-        print_list(result)
     if page is not None:
         with naming(page):
             page.write_text(page_of(result), encoding="utf-8")
@@ -140,7 +150,8 @@ def to_json(prices: PriceList, asked: Sequence[str] = PRICED) -> dict[str, Any]:
     A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`,
     `microseconds_to_build`, and of one cycle `digits`, `microseconds`, `spread`; the same of one pose ends in `_one`,
     and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
-    the best offer, its `second` and whether it `differs` from that by more than the spread.
+    the best offer, its `second`, whether it `differs` from that by more than the spread, and what is `unsure`: an offer
+    that was called once, or not asked at all, and may be better than both.
     """
     rows = list(map(asdict, prices.rows))
     return {
@@ -185,15 +196,15 @@ def print_repeated(before: Mapping[str, Cheapest], now: Mapping[str, Any], as_js
     as_json : bool
         Whether JSON is printed, or text.
     """
-    pairs, same, changed = repeated(before, {key: now[key] for key in before})
-    share = same / pairs if pairs else None
+    found = repeated(before, {key: now[key] for key in before})
+    share = found.same / found.pairs if found.pairs else None
     if as_json:
-        counts = {"pairs": pairs, "same": same, "share": share}
-        print(json.dumps({"schema": SCHEMA, **counts, "changed": changed, "again": now}))
+        print(json.dumps({**now, "repeated": {**asdict(found), "share": share}}, allow_nan=False))
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
-        of = f"{same} of {pairs} winners that the earlier list has ahead of the second by more than the spread"
-        print(*changed, f"cheapest again are {of}: {known}", sep="\n")
+        of = f"{found.pairs} winners that the earlier list has ahead of the second by more than the spread: {known}"
+        print(*found.changed, f"cheapest again are {found.same} of {of}", sep="\n")
+        print(f"they are so in {found.same_cells} of {found.cells} cells of the tables")
     return share is not None and share >= SAME_WINNERS
 
 
@@ -206,7 +217,8 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         f"one cycle: {times['certified']} configurations; digits are the fewest over them, a price is that of one",
         "one pose now: started at the pose before it, if there is one, with the model built (build -: in every call); "
         "bulk: 1,000 poses over the same time, by who may be the cheapest there (others: -); all of processor time",
-        "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
+        "a difference that exceeds the spread of both prices is marked by <, one that does not by ~; ? is what may be "
+        "cheaper than either: it was called once, or there was no time to ask it",
         f"timed once: what has under {STEPS[0]} digits, or takes {CONTENDS:g} times as long as others with as many and "
         "is nobody's second best; such a price is never known to differ",
     ]
@@ -215,8 +227,8 @@ def lines(result: Mapping[str, Any]) -> list[str]:
     if times["certified"] < times["priced"]:
         without = f"{times['priced'] - times['certified']} of {times['priced']} times"
         out.append(f"{without} are outside the longest run with a certified truth: nobody is asked there")
-    if unasked := {(r["engine"], called(r["method"], r["setting"])) for r in result["rows"] if r.get("unasked_bulk")}:
-        names = "; ".join(": ".join(name) for name in sorted(unasked))
+    if unasked := may_be_cheapest(result["rows"]):
+        names = "; ".join(f"{engine}: {called(*how)}" for engine, *how in unasked)
         out.append(f"in bulk may be cheaper, but there was no time to ask: {names}")
     for poses, name in POSES.items():
         if not any(row[f"microseconds{SUFFIX[poses]}"] for row in result["rows"]):
@@ -238,8 +250,9 @@ def cheapest_table(cheapest: Mapping[str, Mapping[str, Mapping[str, Any] | None]
 def _cell(best: Mapping[str, Any] | None) -> str:
     if best is None:
         return "nobody"
-    second = best["second"]
-    return f"{_offer(best)}\n" + (f"{'<' if best['differs'] else '~'} {_offer(second)}" if second else "nobody else")
+    second, unsure = best["second"], best["unsure"]
+    shown = f"{_offer(best)}\n" + (f"{'<' if best['differs'] else '~'} {_offer(second)}" if second else "nobody else")
+    return shown + (f"\n? {_offer(unsure)}" if unsure and unsure != second else "")
 
 
 def _offer(offer: Mapping[str, Any]) -> str:

@@ -115,7 +115,8 @@ class Offer:
 
 
 Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
-"""Poses -> quantity -> digits -> the best offer as plain data, with the `second` best and whether it `differs`."""
+"""Poses -> quantity -> digits -> the best offer as plain data, with the `second` best, whether it `differs`, and who is
+`unsure`: the cheapest that may be better, for it was called once, or not asked at all."""
 
 
 def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
@@ -168,36 +169,73 @@ def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) ->
     The second best is that of another method: two settings of one method may be the same thing.
     """
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
-    unasked = [{**row, "microseconds": row["unasked_bulk"]} for row in rows if row.get("unasked_bulk")]
 
     def best(poses: str, quantity: str, step: int) -> dict[str, Any] | None:
-        others = settings(unasked, "cycle", quantity, step) if poses == "bulk" else []
+        others = not_asked(rows, quantity, step) if poses == "bulk" else []
         return _best(offers(rows, poses, quantity, step), others)
 
     return {poses: {q: {str(step): best(poses, q, step) for step in steps} for q in quantities} for poses in POSES}
 
 
-def _best(offers: Sequence[Offer], unasked: Sequence[Offer]) -> dict[str, Any] | None:
-    """Return the best of some offers, and the second: one that was called once and may be cheaper, if there is one.
+def not_asked(rows: Sequence[Mapping[str, Any]], quantity: str, digits: float) -> list[Offer]:
+    """Return what settings that there was no time to ask in bulk may be expected to offer, the cheapest first.
 
-    That it differs is not said where one that was not asked may be cheaper.
+    Parameters
+    ----------
+    rows, quantity, digits
+        As for `settings`.
     """
+    unasked = [{**row, "microseconds": row["unasked_bulk"]} for row in rows if row.get("unasked_bulk")]
+    return [replace(offer, spread=None) for offer in settings(unasked, "cycle", quantity, digits)]
+
+
+def _best(offers: Sequence[Offer], unasked: Sequence[Offer]) -> dict[str, Any] | None:
+    """Return the best of some offers as data, as `Cheapest` has it."""
     if not offers:
         return None
-    may_be = CONTENDS * offers[0].microseconds
-    unsure = (offer for offer in offers[1:] if offer.spread is None and offer.microseconds <= may_be)
-    second = next(unsure, offers[1] if len(offers) > 1 else None)
-    known = all(other.microseconds > may_be for other in unasked)
-    differs = known and second is not None and offers[0].differs(second)
-    return {**asdict(offers[0]), "second": None if second is None else asdict(second), "differs": differs}
+    may_be = (offer for offer in (*offers[1:], *unasked) if contends(offer, offers[0]))
+    second, unsure = offers[1] if len(offers) > 1 else None, next(may_be, None)
+    differs = second is not None and offers[0].differs(second)
+    shown = {"second": second and asdict(second), "unsure": unsure and asdict(unsure), "differs": differs}
+    return {**asdict(offers[0]), **shown}
 
 
-def repeated(first: Mapping[str, Cheapest], again: Mapping[str, Cheapest]) -> tuple[int, int, list[str]]:
+def contends(offer: Offer, best: Offer) -> bool:
+    """Return whether an offer that was called once, or not at all, may be better than the best."""
+    return offer.spread is None and offer.microseconds <= CONTENDS * best.microseconds
+
+
+def may_be_cheapest(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """Return engine, method and setting of whatever there was no time to ask in bulk, and may be the cheapest there."""
+    found: dict[tuple[str, str, str], None] = {}
+    for quantity in dict.fromkeys(row["quantity"] for row in rows):
+        for step in STEPS:
+            best = offers(rows, "bulk", quantity, step)[:1]
+            near = (o for o in not_asked(rows, quantity, step) if not best or contends(o, best[0]))
+            found.update(dict.fromkeys((o.engine, o.method, o.setting) for o in near))
+    return sorted(found)
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """How far a price list repeats the winners of another, where that tells them from the second best.
+
+    Of so many `pairs` of a winner and a second the `same` engine and method win again wherever they stand, ahead of the
+    others or not; so they do in `same_cells` of the `cells` of the tables. `changed` says of each other cell who wins.
+    """
+
+    pairs: int
+    same: int
+    cells: int
+    same_cells: int
+    changed: list[str]
+
+
+def repeated(first: Mapping[str, Cheapest], again: Mapping[str, Cheapest]) -> Repeated:
     """Compare the winners of two price lists, where the first tells a winner from the second best.
 
-    Returns the number of such pairs, of how many the same engine and method win again wherever they stand, ahead of the
-    others or not, and a sentence for each place where another does. Pairs are counted, not places: the same two stand
-    at several digits, and among the engines alone as among all.
+    The same two stand in several cells: at several digits, and among the engines alone as among all. So they are
+    counted by pairs, too.
 
     Parameters
     ----------
@@ -205,22 +243,25 @@ def repeated(first: Mapping[str, Cheapest], again: Mapping[str, Cheapest]) -> tu
         The lists of all and of the engines alone, by the same names.
     """
     pairs: dict[tuple[Any, ...], list[str]] = {}
+    cells = 0
     for who, (poses, quantity, digits), best in ((who, *cell) for who, won in first.items() for cell in _clear(won)):
         now = again[who][poses][quantity][digits]
         was, wins = (", ".join(_winner(one)) if one else "nobody" for one in (best, now))
         places = pairs.setdefault((poses, quantity, _winner(best), _winner(best["second"])), [])
+        cells += 1
         if was != wins:
             places.append(f"{POSES[poses]}, {digits} digits of {quantity}: {was} before, {wins} now")
-    changed = list(dict.fromkeys(place for places in pairs.values() for place in places))
-    return len(pairs), sum(not places for places in pairs.values()), changed
+    elsewhere = [place for places in pairs.values() for place in places]
+    same = sum(not places for places in pairs.values())
+    return Repeated(len(pairs), same, cells, cells - len(elsewhere), list(dict.fromkeys(elsewhere)))
 
 
 def _clear(cheapest: Cheapest) -> Iterator[tuple[tuple[str, str, str], dict[str, Any]]]:
-    """Yield poses, quantity and digits, and the winner there, where it is ahead by more than the spread."""
+    """Yield poses, quantity and digits, and the winner there, where it is known to be ahead of all."""
     for poses, of_poses in cheapest.items():
         for quantity, by_digits in of_poses.items():
             for digits, best in by_digits.items():
-                if best is not None and best["differs"]:
+                if best is not None and best["differs"] and best["unsure"] is None:
                     yield (poses, quantity, digits), best
 
 

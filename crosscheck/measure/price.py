@@ -214,6 +214,8 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 notes.append(limit if poses == "cycle" else "")
                 if seconds is not None and spread is None:
                     notes.append(f"{POSES[poses]} timed once, all quantities together")
+                if seconds is not None and (own := _dearer(progress.timed.get((key, poses, order)), seconds)):
+                    notes.append(f"{POSES[poses]} {1e6 * own:.3g} us where it ends with {quantity}")
             if key in progress.unasked:
                 notes.append(f"{POSES['bulk']} not asked, for want of time")
             build = answer.get("build")
@@ -229,6 +231,13 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 note="; ".join(filter(None, notes)),
                 **columns,
             )
+
+
+def _dearer(own: tuple[float, float | None] | None, price: float) -> float | None:
+    """Return what a run of its own took [s], where that is more than a price and its spread."""
+    if own is None or own[0] * (1.0 - (own[1] or 0.0)) <= price:
+        return None
+    return own[0]
 
 
 def _price_of(progress: _Progress, key: Key, poses: str, order: int) -> tuple[float | None, float | None]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -33,7 +33,7 @@ JUDGED = 9
 """In bulk one pose in so many is judged: the first, the last, and between them some in any part of a block."""
 SAMPLED = 4
 """So many poses of the cycle stand for the one pose that is needed now: each starts at the one before it."""
-SHARES = {"one": 0.25, "cycle": 0.55, "bulk": 1.0}
+SHARES = {"cycle": 0.3, "one": 0.55, "bulk": 1.0}
 """Until which part of the time that is left after the answers each is done."""
 BULK_ANSWERS = 0.5
 """Which part of the time for bulk goes to answers, which are read and judged; the rest to timings."""
@@ -161,13 +161,29 @@ def _open(producers: Sequence[str], failed: set[Key], pipe: Any) -> Iterator[Met
 
 @dataclass
 class _Run:
-    """A method with its models: poses -> one for each scene; how long a call takes for so many [s], and its digits."""
+    """A method with its models: poses -> one for each scene; how long a call takes for so many [s], and its digits.
+
+    `parts` says what part of a call of a cycle one takes that ends at a lower order; of long ones it is not known.
+    """
 
     method: Method
     order: int
     models: dict[str, list[Model]]
     seconds: dict[str, float]
     digits: dict[str, Digits]
+    parts: dict[int, float] = field(default_factory=dict)
+
+    def look(self) -> None:
+        """Find what part of a call for a cycle each lower order takes, from a call of each that is not long."""
+        if self.seconds["cycle"] < LONG and not self.method.at_once:
+            for order in range(self.order):
+                took = turn(partial(self.solve, "cycle", order))
+                self.parts[order] = min(1.0, took / max(self.seconds["cycle"], AT_LEAST))
+
+    def expected(self, poses: str, order: int) -> float:
+        """Return how long a call up to an order may take for so many poses [s]: what is not known is not left out."""
+        unknown = 1.0 if self.method.at_once else (order + 1) / (self.order + 1)
+        return self.seconds[poses] * self.parts.get(order, unknown)
 
     def solve(self, poses: str, order: int) -> None:
         for model in self.models[poses]:
@@ -195,6 +211,7 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
                 pipe.send(("failed", method.key, answer, digits.text))
                 return None
             answer[poses] = digits
+    run.look()
     pipe.send(("answered", method.key, {**answer, "highest": run.order}))
     return run
 
@@ -251,11 +268,13 @@ def _time(runs: Sequence[_Run], poses: str, asked: Mapping[str, PriceQuestion], 
     for run in runs:
         pipe.send(("timed", run.method.key, poses, -1, run.seconds[poses] / question.new(run.method), None))
     for away, run in nearest_first(runs, poses):
-        key, once, short = run.method.key, run.seconds[poses], run.seconds[poses] < LONG
-        orders = [run.order] if run.method.at_once else list(range(run.order + 1))
-        own = (CALLS_NEEDED - 2 if short else LONG_CALLS_NEEDED - 1) * len(orders) * max(once, AT_LEAST)
-        if away > CONTENDS:
+        key, short = run.method.key, run.seconds[poses] < LONG
+        near = [order for order, far in away.items() if far <= CONTENDS]
+        orders = [run.order] if run.method.at_once and near else near
+        if not orders:
             break
+        once = sum(max(run.expected(poses, order), AT_LEAST) for order in orders)
+        own = (CALLS_NEEDED - 2 if short else LONG_CALLS_NEEDED - 1) * once
         if cost + own <= end - time.process_time():
             cost += own
             for order in orders:
@@ -277,30 +296,36 @@ def _time(runs: Sequence[_Run], poses: str, asked: Mapping[str, PriceQuestion], 
         pipe.send(("timed", key, poses, order, timing.seconds / counts[key], spread))
 
 
-def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[float, _Run]]:
-    """Return settings with how many times the cheapest one each costs, where it is nearest to that, these first.
+def nearest_first(runs: Iterable[_Run], poses: str) -> list[tuple[dict[int, float], _Run]]:
+    """Return settings with how many times the cheapest one each costs, by order, where it is nearest to that.
 
-    Each is held against others with as many of the digits that are asked for: all, the engines', its own engine's. What
-    is the cheapest there, or the cheapest of another method, stands in a table: nothing is nearer. What has too few
-    digits is infinitely far away. A single call tells little of two settings that are near: so both are taken.
+    Those that are nearest in any come first. Each is held against others with as many of the digits that are asked for:
+    all, the engines', its own engine's. What is the cheapest there, or the cheapest of another method, stands in a
+    table: nothing is nearer. What has too few digits is infinitely far away. A single call tells little of two settings
+    that are near: so both are taken.
     """
     by_key, rows = {run.method.key: run for run in runs}, list[dict[str, Any]]()
     for (engine, method, setting), run in by_key.items():
         who = {"engine": engine, "method": method, "setting": setting, "newton_by": run.method.newton_by}
-        row: dict[str, Any] = {**who, f"microseconds{SUFFIX[poses]}": run.seconds[poses]}
-        rows += [{**row, "quantity": q, f"digits{SUFFIX[poses]}": d} for q, (d, _) in run.digits[poses].items()]
+        for quantity, (digits, _) in run.digits[poses].items():
+            price = run.expected(poses, QUANTITIES.index(quantity))
+            of = {"quantity": quantity, f"digits{SUFFIX[poses]}": digits, f"microseconds{SUFFIX[poses]}": price}
+            rows.append({**who, **of})
     engines = [row for row in rows if row["engine"] not in OURS]
     own = ([row for row in rows if row["engine"] == engine] for engine in {engine for engine, *_ in by_key})
-    away = dict.fromkeys(by_key, math.inf)
+    away = {key: dict.fromkeys(range(run.order + 1), math.inf) for key, run in by_key.items()}
     for group in (rows, engines, *own):
-        for quantity, digits in product(QUANTITIES, STEPS):
+        for (order, quantity), digits in product(enumerate(QUANTITIES), STEPS):
             ranked = settings(group, poses, quantity, digits)
             shown = [*ranked[:1], *[offer for offer in ranked if offer.name != ranked[0].name][:1]]
             for offer in ranked:
                 key = *offer.name, offer.setting
                 ratio = 1.0 if offer in shown else offer.microseconds / ranked[0].microseconds
-                away[key] = min(away[key], ratio)
-    return sorted(((away[key], run) for key, run in by_key.items()), key=lambda pair: (pair[0], pair[1].seconds[poses]))
+                away[key][order] = min(away[key][order], ratio)
+    return sorted(
+        ((away[key], run) for key, run in by_key.items()),
+        key=lambda pair: (min(pair[0].values()), pair[1].seconds[poses]),
+    )
 
 
 def _in_bulk(runs: Sequence[_Run], asked: Mapping[str, PriceQuestion], end: float, pipe: Any) -> Iterator[_Run]:
@@ -315,7 +340,7 @@ def _in_bulk(runs: Sequence[_Run], asked: Mapping[str, PriceQuestion], end: floa
         more = (cycle - run.seconds["one"] / asked["one"].new(run.method)) / max(new - 1, 1)
         run.seconds["bulk"], run.digits["bulk"] = BULK * max(more, LEAST * cycle / new), run.digits["cycle"]
     for away, run in sorted(nearest_first(runs, "bulk"), key=lambda pair: not pair[1].method.together):
-        if away > CONTENDS and not run.method.together:
+        if min(away.values()) > CONTENDS and not run.method.together:
             continue
         if time.process_time() > until:
             pipe.send(("unasked", run.method.key, run.seconds["bulk"] / BULK))

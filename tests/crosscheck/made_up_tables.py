@@ -100,7 +100,12 @@ def ranking() -> Any:
         for x, y in product((None, -1.0, 0.0, 1.0), (None, 0.5, 1.0))
     ]
     again = [{"cheapest": cell, "cheapest_engine": cells[0]} for cell in cells]
-    return [*cells, repeated(*again), repeated(again[0], again[0])[:2], [r.note for r in with_suspicions(rows)], noise]
+    return [
+        *cells,
+        *(asdict(repeated(again[0], other)) for other in again),
+        [r.note for r in with_suspicions(rows)],
+        noise,
+    ]
 
 
 def classes_of_answers() -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict, astuple, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +17,16 @@ import refkin
 from crosscheck.commands import price as priced_by
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
-from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, settings, with_suspicions
+from crosscheck.judge.prices import (
+    Offer,
+    PriceRow,
+    Repeated,
+    cheapest,
+    may_be_cheapest,
+    repeated,
+    settings,
+    with_suspicions,
+)
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
@@ -177,13 +186,15 @@ def test_the_second_best_is_that_of_another_method():
     assert (value["method"], value["second"]["method"], value["second"]["microseconds"]) == ("newton", "chord", 6.5)
 
 
-def test_a_winner_differs_only_where_no_other_that_was_called_once_may_be_cheaper():
-    """The first call of a method took twice what it takes: its twin was said to win."""
+def test_what_was_called_once_and_may_be_cheaper_is_named_beside_the_second_best():
+    """The first call of a method took twice what it takes: its twin was said to win, or stood for the second."""
     rows = [priced(9.0, 5.0), priced(9.0, 6.5, "chord")]
     once = [replace(priced(9.0, price, "twin"), spread=None) for price in (14.9, 15.1)]
-
     found = [best([*rows, one])["9"] for one in once]
-    assert [(one["second"]["method"], one["differs"]) for one in found] == [("twin", False), ("chord", True)]
+
+    assert [(one["second"]["method"], one["differs"]) for one in found] == [("chord", True)] * 2
+    assert [one["unsure"] and one["unsure"]["method"] for one in found] == ["twin", None]
+    assert [repeated(*[of_all(*rows, one)] * 2).cells for one in once] == [0, 6]
 
 
 @pytest.mark.parametrize(("price", "differs"), [(5.9, False), (6.5, True)])
@@ -248,7 +259,7 @@ def of_all(*rows):
 def test_winners_within_the_spread_count_for_nothing():
     near, known = (of_all(priced(9.0, 5.0), priced(9.0, price, "chord")) for price in (5.1, 9.0))
 
-    assert repeated(near, near) == (0, 0, [])
+    assert repeated(near, near) == Repeated(0, 0, 0, 0, [])
     assert not print_repeated(near, near, as_json=False)
     assert print_repeated(known, known, as_json=False)
 
@@ -259,23 +270,26 @@ def test_every_winner_that_the_earlier_list_has_ahead_counts_once(capsys):
     twice = of_all(*rows, *(replace(row, quantity="velocity") for row in rows))
     near = of_all(priced(9.0, 9.0), priced(9.0, 8.9, "chord"), priced(None, 1.0, quantity="velocity"))
 
-    assert repeated(twice, twice) == (2, 2, [])  # the same two at 3, 6 and 9 digits, and in both lists
-    assert repeated(twice, near)[:2] == (2, 0)
-    assert repeated(twice, near)[2][::3] == [
+    cells = 2 * 2 * 3  # the same two at 3, 6 and 9 digits, and in both lists
+    assert repeated(twice, twice) == Repeated(2, 2, cells, cells, [])
+    assert astuple(repeated(twice, near))[:4] == (2, 0, cells, 0)
+    assert repeated(twice, near).changed[::3] == [
         "one cycle, 3 digits of position: made up, newton before, made up, chord now",
         "one cycle, 3 digits of velocity: made up, newton before, nobody now",
     ]
-    assert repeated(near, twice) == (0, 0, [])
+    assert repeated(near, twice) == Repeated(0, 0, 0, 0, [])
     half = of_all(*rows, *(replace(row, quantity="velocity") for row in (priced(9.0, 9.0), priced(9.0, 5.0, "chord"))))
     assert not print_repeated(twice, half, as_json=False)
     assert not print_repeated(twice, half, as_json=True)
-    *changed, said, data = capsys.readouterr().out.splitlines()
+    *_, said, cells, data = capsys.readouterr().out.splitlines()
 
-    assert len(changed) == 3
     assert said == (
         "cheapest again are 1 of 2 winners that the earlier list has ahead of the second by more than the spread: 50.0%"
     )
-    assert {key: json.loads(data)[key] for key in ("pairs", "same", "share")} == {"pairs": 2, "same": 1, "share": 0.5}
+    assert cells == "they are so in 6 of 12 cells of the tables"
+    found = json.loads(data)["repeated"]
+    assert len(found.pop("changed")) == 3
+    assert found == {"pairs": 2, "same": 1, "cells": 12, "same_cells": 6, "share": 0.5}
 
 
 def test_in_bulk_nobody_is_ahead_of_one_that_was_not_asked_and_may_be_cheaper():
@@ -284,14 +298,12 @@ def test_in_bulk_nobody_is_ahead_of_one_that_was_not_asked_and_may_be_cheaper():
     rows = [replace(priced(9.0, 5.0, str(price)), **many, microseconds_bulk=price) for price in (1.0, 2.0)]
     unasked = [replace(priced(9.0, 5.0, "batch"), unasked_bulk=price) for price in (0.5, 2.9, 3.1)]
 
-    assert [best([*rows, *more], "bulk")["9"]["differs"] for more in ([], *([one] for one in unasked))] == [
-        True,
-        False,
-        False,
-        True,
-    ]
-    assert best([*rows, replace(unasked[0], digits=2.0)], "bulk")["9"]["differs"]
-    assert best([*rows, unasked[0]])["9"]["differs"] == best(rows)["9"]["differs"]
+    found = [best([*rows, *more], "bulk")["9"]["unsure"] for more in ([], *([one] for one in unasked))]
+    assert [one and one["microseconds"] for one in found] == [None, 0.5, 2.9, None]
+    assert best([*rows, replace(unasked[0], digits=2.0)], "bulk")["9"]["unsure"] is None
+    assert best([*rows, unasked[0]])["9"] == best(rows)["9"]
+    named = [may_be_cheapest(list(map(asdict, [*rows, *more]))) for more in ([], unasked[1:2], unasked[2:])]
+    assert named == [[], [("made up", "batch", "-")], []]
 
 
 def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
@@ -410,9 +422,9 @@ def test_what_stands_in_a_table_is_timed_first_then_what_is_near_and_what_costs_
     """Of one method the setting that one call found cheapest was timed alone: 9.7 us were published for 6.7."""
 
     def run(engine, name, setting, seconds, digits):
-        method = SimpleNamespace(key=(engine, name, setting), newton_by="")
+        method = SimpleNamespace(key=(engine, name, setting), newton_by="", at_once=False)
         answered = {quantity: (digits, "") for quantity in ("position", "velocity", "acceleration")}
-        return SimpleNamespace(method=method, seconds={"cycle": seconds}, digits={"cycle": answered})
+        return price_process._Run(method, 2, {}, {"cycle": seconds}, {"cycle": answered})
 
     given = [
         ("refkin", "best", "as good", 1.2, 9.5),
@@ -429,7 +441,8 @@ def test_what_stands_in_a_table_is_timed_first_then_what_is_near_and_what_costs_
         ("another engine", "own", "", 20.0, 9.5),
         ("another engine", "other", "", 42.0, 9.5),
     ]
-    found = [(round(away, 2), *run.method.key) for away, run in nearest_first([run(*each) for each in given], "cycle")]
+    ranked = nearest_first([run(*each) for each in given], "cycle")
+    found = [(round(min(away.values()), 2), *run.method.key) for away, run in ranked]
 
     assert found == [
         (1.0, "refkin", "best", "to nine"),
@@ -446,6 +459,18 @@ def test_what_stands_in_a_table_is_timed_first_then_what_is_near_and_what_costs_
         (math.inf, "refkin", "best", "to two"),
         (math.inf, "refkin", "no answer", ""),
     ]
+
+
+def test_of_a_setting_the_quantities_are_timed_of_which_it_may_be_the_cheapest():
+    """Its position alone is near the cheapest, which is told by what part of a call that takes."""
+    answered = {quantity: (9.5, "") for quantity in ("position", "velocity", "acceleration")}
+    runs = []
+    for name, took, parts in (("best", 1.0, {0: 0.6, 1: 0.9}), ("second", 1.5, {}), ("third", 5.0, {0: 0.2, 1: 0.7})):
+        method = SimpleNamespace(key=("one", name, ""), newton_by="", at_once=name == "second")
+        runs.append(price_process._Run(method, 2, {}, {"cycle": took}, {"cycle": answered}, parts))
+
+    found = [(run.method.key[1], *(round(x, 2) for x in away.values())) for away, run in nearest_first(runs, "cycle")]
+    assert found == [("best", 1.0, 1.0, 1.0), ("second", 2.5, 1.0, 1.0), ("third", 1.0, 3.89, 5.0)]
 
 
 class Clock:
@@ -586,7 +611,9 @@ def test_what_may_be_the_cheapest_in_bulk_is_told_by_what_more_poses_take(monkey
     digits = {poses: dict.fromkeys(("position", "velocity", "acceleration"), (9.0, "")) for poses in ("one", "cycle")}
     runs = [
         price_process._Run(
-            SimpleNamespace(key=("made up", name, ""), newton_by="", steps=False, together=name == "together"),
+            SimpleNamespace(
+                key=("made up", name, ""), newton_by="", steps=False, at_once=False, together=name == "together"
+            ),
             2,
             {},
             {"cycle": c, "one": o},
@@ -782,6 +809,7 @@ def test_a_price_is_that_of_the_cheapest_run_that_gives_the_quantity_and_what_wa
     rows = list(measuring._rows(scene(), measuring._Progress(**known, timed=timed)))
 
     assert [(row.microseconds, row.spread) for row in rows] == [(4.0, 0.1), (4.0, 0.1), (6.0, 0.2)]
+    assert [row.note for row in rows] == ["one cycle 5 us where it ends with position", "", ""]
     assert {(row.microseconds_one, row.spread_one, row.microseconds_bulk, row.spread_bulk) for row in rows} == {
         (None, None, None, None)
     }

@@ -71,8 +71,10 @@ def test_all_that_is_shown_of_a_method_is_of_one_setting_that_of_the_most_digits
 
 def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
     first = {"microseconds": 5.0, "digits": 9.0, "engine": "a", "method": "newton", "setting": "k"}
-    near = {**first, "second": {**first, "engine": "b", "microseconds": 6.0, "setting": ""}, "differs": False}
-    offers = [None, {**first, "second": None}, near, {**near, "differs": True}]
+    second, third = ({**first, "engine": "b", "microseconds": x, "setting": ""} for x in (6.0, 7.0))
+    near = {**first, "second": second, "unsure": None, "differs": False}
+    unsure = {**near, "differs": True, "unsure": third}
+    offers = [None, {**first, "second": None, "unsure": None}, near, {**near, "unsure": second}, unsure]
     table = price.cheapest_table({str(k): dict.fromkeys(map(str, price.STEPS), o) for k, o in enumerate(offers)}, "all")
     own = "5.0 us (9.0 digits) a: newton, k"
 
@@ -81,7 +83,8 @@ def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
         "nobody",
         f"{own}\nnobody else",
         f"{own}\n~ 6.0 us (9.0 digits) b: newton",
-        f"{own}\n< 6.0 us (9.0 digits) b: newton",
+        f"{own}\n~ 6.0 us (9.0 digits) b: newton",
+        f"{own}\n< 6.0 us (9.0 digits) b: newton\n? 7.0 us (9.0 digits) b: newton",
     ]
 
 
