@@ -71,7 +71,7 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
         return None
     levels, off = corrected, residual(ready.checked, corrected[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
-    if not closed or not np.all(slow_enough(levels[1:])):
+    if not closed or not slow_enough(levels[1:]):
         return None
     near = np.flatnonzero(~(pivot > CLEAR))
     levels = without_spin(system, _by_pivots(system, levels, t, near))

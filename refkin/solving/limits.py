@@ -38,9 +38,9 @@ FASTEST = 1e140
 moved by their squares, which must be numbers."""
 
 
-def slow_enough(rates: Sequence[Any]) -> Any:
-    """Return at which times (T,) velocities and accelerations (n, T), as far as there are any, are none too large."""
-    return np.all([np.abs(x).max(axis=0, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
+def slow_enough(rates: Sequence[Any], axis: int | None = None) -> Any:
+    """Return whether velocities and accelerations (n, T), as far as there are any, are none too large; by `axis`."""
+    return np.all([np.abs(x).max(axis, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
 
 
 def expected_seconds(scene: Scene) -> float:

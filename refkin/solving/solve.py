@@ -202,7 +202,7 @@ class _Answer:
             ok = self._closed(samples) & regular & has_digits(self.system, self.q[:, samples], self.t[samples])
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])
-        slow = slow_enough(self._called_for() or [self.q])
+        slow = slow_enough(self._called_for() or [self.q], axis=0)
         for k, isolated, closes in zip(samples.tolist(), ok.tolist(), self._closed(samples).tolist(), strict=True):
             if self.status[k] is Status.OK and not isolated:
                 self.status[k] = Status.SINGULAR if closes and self._has_digits(k) else Status.NOT_CONVERGED

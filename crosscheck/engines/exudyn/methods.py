@@ -86,7 +86,7 @@ def _checked(scene: Scene) -> Scene:
     """Return a scene of the plane that exudyn can express; raise EngineRefusal if it is none."""
     refuse(refusals(Exudyn(), scene, Level.SOLVE))
     if in_space(scene.mechanism):
-        raise EngineRefusal("exudyn refuses this method in space: it is written for the plane")
+        raise EngineRefusal("this method is refused in space: the adapter has it for the plane alone")
     return scene
 
 

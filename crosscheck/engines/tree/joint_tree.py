@@ -179,7 +179,7 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
         distance constraint. Such a body lies along its own x axis, from point_i to point_j.
     """
     if in_space(mechanism):
-        raise EngineRefusal("this method is refused in space: its joint tree is of the plane")
+        raise EngineRefusal("this method is refused in space: the adapter has its joint tree for the plane alone")
     unit = mechanism.unit()
     joints = [tuple(e for e in elements_of([c]) if not e.laws) for c in mechanism.constraints]
     links: dict[str, PointDistance] = {}
