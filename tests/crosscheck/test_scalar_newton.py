@@ -145,7 +145,7 @@ REFUSED = {
     "a slide that closes a loop": (INVERTED, "joint 'A' closes a loop"),
     "redundant": (parallelogram(), "4 equations of loops for 3 coordinates"),
     "no loop": (refkin.load(SCENES_OF_JOINTS / "revolute.toml"), "no joint closes a loop"),
-    "space": (refkin.load(SCENES_OF_JOINTS / "spatial-revolute.toml"), "its joint tree is of the plane"),
+    "space": (refkin.load(SCENES_OF_JOINTS / "spatial-revolute.toml"), "its joint tree for the plane alone"),
     "driven coupler": (
         LINKAGE.scene(driven="coupler", law=replace(LAW, offset=0.9, amplitude=0.1), times=TIMES),
         "does not hold one coordinate",

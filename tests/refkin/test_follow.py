@@ -726,7 +726,7 @@ def test_a_path_whose_drivers_leave_float64_is_refused():
     law = Polynomial(coefficients=(0.3, 0.0, 1e308))
 
     with pytest.raises(refkin.InvalidRequest, match="rates"):
-        refkin.follow(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=law, times=(0.0, 10.0)))
+        refkin.follow(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=law, times=(0.0, 0.5)))
 
 
 KNOWN = Table(argument=(0.0, 0.5, 1.0, 2.0), value=(0.3, 0.6, 0.7, 1.1))
