@@ -150,7 +150,10 @@ def test_the_winners_that_are_said_to_repeat_are_those_of_the_record():
     record = json.loads((ROOT / "reports/price-again-2026-11-29.json").read_text(encoding="utf-8"))
     text = (ROOT / "docs/howto/cost.md").read_text(encoding="utf-8")
 
-    assert f"{sum(one['same'] for one in record)} of {sum(one['pairs'] for one in record)} winners" in text
+    same, pairs, same_cells, cells = (
+        sum(one[key] for one in record) for key in ("same", "pairs", "same_cells", "cells")
+    )
+    assert f"{same} of {pairs} winners\n  won again, in {same_cells} of {cells} cells" in text
     assert [one["busy_loops_beside"] for one in record].count(3) == 2  # "two of them"
 
 
