@@ -214,6 +214,8 @@ def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
                 notes.append(limit if poses == "cycle" else "")
                 if seconds is not None and spread is None:
                     notes.append(f"{POSES[poses]} timed once, all quantities together")
+                if spread is not None and (key, poses, order) not in progress.timed:
+                    notes.append(f"{POSES[poses]} timed with rates")
                 if seconds is not None and (own := _dearer(progress.timed.get((key, poses, order)), seconds)):
                     notes.append(f"{POSES[poses]} {1e6 * own:.3g} us where it ends with {quantity}")
             if key in progress.unasked:

@@ -178,7 +178,7 @@ class _Run:
         if self.seconds["cycle"] < LONG and not self.method.at_once:
             for order in range(self.order):
                 took = turn(partial(self.solve, "cycle", order))
-                self.parts[order] = min(1.0, took / max(self.seconds["cycle"], AT_LEAST))
+                self.parts[order] = min(1.0, took / self.seconds["cycle"])
 
     def expected(self, poses: str, order: int) -> float:
         """Return how long a call up to an order may take for so many poses [s]: what is not known is not left out."""

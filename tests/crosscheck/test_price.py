@@ -473,6 +473,25 @@ def test_of_a_setting_the_quantities_are_timed_of_which_it_may_be_the_cheapest()
     assert found == [("best", 1.0, 1.0, 1.0), ("second", 2.5, 1.0, 1.0), ("third", 1.0, 3.89, 5.0)]
 
 
+def test_what_part_of_a_call_position_takes_is_known_of_the_quickest_too(monkeypatch):
+    """Below 2 ms it was taken to be a part of these: a third of what it is, and others seemed three times as far."""
+    took = iter([3e-4, 5e-4])
+    monkeypatch.setattr(price_process, "turn", lambda call: next(took))
+    run = price_process._Run(SimpleNamespace(at_once=False), 2, {"cycle": []}, {"cycle": 6e-4}, {})
+    run.look()
+
+    assert [run.expected("cycle", order) for order in range(3)] == pytest.approx([3e-4, 5e-4, 6e-4])
+
+
+def test_a_price_that_was_timed_with_rates_alone_says_so():
+    key, levels = ("made up", "newton", ""), ("position", "velocity", "acceleration")
+    answer = {"newton_by": "nobody", "note": "", "cycle": dict.fromkeys(levels, (9.0, ""))}
+    known = {"answered": {key: answer}, "attainable": dict.fromkeys(levels, 15.0)}
+    rows = measuring._rows(scene(), measuring._Progress(**known, timed={(key, "cycle", 2): (6e-6, 0.1)}))
+
+    assert [row.note for row in rows] == ["one cycle timed with rates", "one cycle timed with rates", ""]
+
+
 class Clock:
     """A clock that the made-up methods alone set forward: what is measured is theirs to the last digit."""
 

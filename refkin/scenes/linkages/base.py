@@ -215,8 +215,8 @@ class Linkage(Shown):
         self._check_input(driven, relative_to)
         branch = member(Branch, branch, "branch")
         path = "turns" if law is None else "law"
-        law, times = law_and_times(speed, turns, samples, start, law, times)
-        values = [self._input(float(law(t)), driven) for t in times]
+        law, times, values = law_and_times(speed, turns, samples, start, law, times)
+        values = [self._input(value, driven) for value in values]
         self._check_range(values, driven, relative_to, path)
         pose = self.assemble(values[0], branch, driven=driven, relative_to=relative_to)
         driver = self.driver(law, driven, relative_to)
@@ -361,8 +361,8 @@ def scene_of(
 
 def law_and_times(
     speed: float, turns: float, samples: int, start: float, law: Law | None, times: Sequence[float] | None
-) -> tuple[Law, Sequence[float]]:
-    """Return a law and its times, or those of a constant speed; raise InvalidScene for what makes none.
+) -> tuple[Law, list[float], list[float]]:
+    """Return a law, its times and its values then, or those of a constant speed; InvalidScene for what makes none.
 
     Parameters
     ----------
@@ -391,10 +391,11 @@ def law_and_times(
         raise InvalidScene(faults, "linkage")
     law = Polynomial(coefficients=(float(start), float(speed))) if law is None else law
     at = [float(t) for t in given] if given else np.linspace(0.0, math.tau * turns / abs(speed), samples).tolist()
-    lost = next(((t, value) for t in at if not math.isfinite(value := float(law(t)))), None)
-    if lost is not None:
-        raise InvalidScene([Fault("law", lost[1], f"a finite number at t = {lost[0]!r}")], "linkage")
-    return law, at
+    values = [float(law(t)) for t in at]
+    for t, value in zip(at, values, strict=True):
+        if not math.isfinite(value):
+            raise InvalidScene([Fault("law", value, f"a finite number at t = {t!r}")], "linkage")
+    return law, at, values
 
 
 def _is_finite(value: object) -> bool:

@@ -158,8 +158,8 @@ class SpatialLinkage(Shown):
         speed, turns, samples, branch, start, law, times, effects, evidence, name
             As in `refkin.FourBar.scene`.
         """
-        law, times = law_and_times(speed, turns, samples, start, law, times)
-        poses = self.assemble(float(law(times[0])), branch)
+        law, times, values = law_and_times(speed, turns, samples, start, law, times)
+        poses = self.assemble(values[0], branch)
         bodies = (Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items())
         mechanism = Mechanism(tuple(bodies), self.joints(), self.drivers(law))
         branch = member(Branch, branch, "branch")
