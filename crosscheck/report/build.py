@@ -188,7 +188,10 @@ def coverage(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def together(report: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how many scenes have which features at once: joints, and driver with hardness, by motion law."""
+    """Return how many scenes have which features at once: joints, and driver with hardness, by motion law.
+
+    `unseen` is how likely one more scene's combination is new: the share of scenes with one of their own (Good, Turing).
+    """
     by_joints: dict[str, Counter[str]] = {}
     by_driver: dict[str, Counter[str]] = {}
     for joints, driver, law, _, hardness, _, scenes in report["rows"]:
@@ -198,7 +201,8 @@ def together(report: Mapping[str, Any]) -> dict[str, Any]:
     tables = {"by_joints": by_joints, "by_driver": by_driver}
     rows = {name: [(row, [t[row][law] for law in laws]) for row in sorted(t)] for name, t in tables.items()}
     counts = {name: report[name] for name in ("cells", "once", "shortened", "pairs")}
-    return {"laws": laws, **counts, **rows}
+    unseen = report["once"] / max(1, sum(scenes for *_, scenes in report["rows"]))
+    return {"laws": laws, **counts, "unseen": unseen, **rows}
 
 
 def _value(name: str, value: str) -> str:

@@ -25,6 +25,7 @@ from crosscheck.night.moving_parts import factor_below as magnified
 from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
+from crosscheck.report.build import together as shown_together
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.first_table import _cell, first_table
 from crosscheck.report.front import answer as sentence
@@ -599,7 +600,7 @@ def test_features_that_were_met_together_are_counted_and_the_rarest_cell_comes_l
         ("sine", "-2", 1),
         ("sine", "none", 1),
     ]
-    assert (counted["cells"], counted["once"]) == (3, 2)
+    assert (counted["cells"], counted["once"], shown_together(counted)["unseen"]) == (3, 2, 2 / 5)
     assert (laws["met"], laws["of"], laws["once"], laws["missing"]) == (3, 4, 2, [["-2", "table"]])
 
 
