@@ -32,6 +32,7 @@ from crosscheck.engines.poses import (
     Equations,
     Poses,
     close,
+    extrema,
     largest,
     norm,
     nowhere,
@@ -120,6 +121,7 @@ def march(
         Whether a motion that ended goes on at a later time whose pose is near the last one again.
     """
     t, k, path, halvings, tried = np.asarray(times, float), 0, list[Poses](), HALVINGS, 1
+    turns = extrema(equations.laws, t)
     last: Poses | None = None
     ahead: Poses | None = None
     with np.errstate(all="ignore"):  # a Newton that runs away is a status, not a warning
@@ -128,7 +130,7 @@ def march(
                 pose = start(t[k]) if callable(start) else close(equations, start[None], t[k : k + 1])
             else:
                 if together and ahead is None and halvings == HALVINGS and len(t) - k >= FEW:
-                    (ahead, kept), origin = _all_at_once(equations, last, t[k:]), k
+                    (ahead, kept), origin = _all_at_once(equations, last, t[k:], turns), k
                 if ahead is not None:
                     count = int(np.argmin(np.append(kept[k - origin :], False)))
                     path.append(ahead[k - origin : k - origin + count])
@@ -137,7 +139,7 @@ def march(
                     break
                 # an engine's own Newton goes from pose to pose, and only it resumes: none of its times is passed over
                 tried = 1 if halvings == HALVINGS or hasattr(equations, "closed") else 2 * tried
-                poses = _advance(equations, last, t[k : k + tried], halvings)
+                poses = _advance(equations, last, t[k : k + tried], turns, halvings)
                 lost = int(np.argmax(np.append(poses.known[:-1], True)))
                 path.append(poses[:lost])
                 pose, k = poses[lost : lost + 1], k + lost
@@ -181,12 +183,12 @@ def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) 
 # all at once
 
 
-def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses, Any]:
+def _all_at_once(equations: Equations, last: Poses, times: Array, turns: Array) -> tuple[Poses, Any]:
     """Return poses at the times, as far as they were reached, and whether each follows from the one before it.
 
-    The first one is held against `last`.
+    The first one is held against `last`; `turns` are when laws turn back.
     """
-    t = np.union1d(times, equations.extrema(np.append(last.t, times)))
+    t = np.union1d(times, turns[(turns > last.t) & (turns < times[-1])])
     if hasattr(equations, "along"):  # an engine's own Newton goes from pose to pose
         poses = equations.along(last, t)
     else:
@@ -355,12 +357,13 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 # one step after another
 
 
-def _advance(equations: Equations, last: Poses, times: Array, halvings: int = HALVINGS) -> Poses:
+def _advance(equations: Equations, last: Poses, times: Array, turns: Array, halvings: int = HALVINGS) -> Poses:
     """Return the poses at times (B,) on the branch of `last`, where there is one: each on a way of its own (`_way`).
 
     The next pose of every way that has not ended is closed together with those of the others.
     """
-    ways = [_way(equations, last, t, halvings) for t in times.tolist()]
+    on_the_way = turns[turns > last.t].tolist()
+    ways = [_way(equations, last, t, [*(x for x in on_the_way if x < t), t], halvings) for t in times.tolist()]
     poses, asked = [last] * len(ways), {k: next(way) for k, way in enumerate(ways)}
     while asked:
         guesses, targets, near = zip(*asked.values(), strict=True)
@@ -378,9 +381,11 @@ def _advance(equations: Equations, last: Poses, times: Array, halvings: int = HA
 
 
 def _way(
-    equations: Equations, last: Poses, t: float, halvings: int
+    equations: Equations, last: Poses, t: float, stops: Sequence[float], halvings: int
 ) -> Generator[tuple[Array, float, Poses], tuple[Poses, bool], Poses]:
     """Return the pose at t on the branch of a pose, if there is one: by steps halved until Newton contracts.
+
+    No step goes over one of the `stops`, of which t is the last.
 
     A step that went is followed by one twice as long, or as long if the one tried before it did not go; but where
     the branch seems to end on the way (`_end`), by one that leaves a small part of what is left. What did not go so
@@ -399,7 +404,7 @@ def _way(
         now = float(last.t[0])
         if not failed:
             step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
-        target = min(t, now + step)
+        target = min(next(stop for stop in stops if stop > now), now + step)
         pose, joined = yield _ahead(before, last, math.inf if failed else end, target, curved), target, last
         if joined and target == t:
             return pose

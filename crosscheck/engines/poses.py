@@ -12,12 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
 from typing import Any, Protocol, Self
 
 import numpy as np
 
 from crosscheck.engines import Array
 from refkin.motion import SINGULAR
+from refkin.motion_laws import Law
+from refkin.proof.numbers.extrema import extrema as turning_points
 
 EPS = float(np.finfo(float).eps)
 CAP = 60
@@ -39,7 +43,12 @@ TRUST = 0.25
 
 
 class Equations(Protocol):
-    """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism."""
+    """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism.
+
+    `laws` are those of the drivers, as the scene has them.
+    """
+
+    laws: Sequence[Law]
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residual (B, m) and Jacobian (B, m, n) at q (B, n), t (B,)."""
@@ -52,9 +61,6 @@ class Equations(Protocol):
 
     def round_off(self, q: Array, t: Array) -> Array:
         """Return a bound on what rounding leaves of residuals that are zero, (B, m) or (B, 1)."""
-
-    def extrema(self, times: Array) -> Array:
-        """Return times between those given at which the law of a driver turns back."""
 
 
 @dataclass(frozen=True)
@@ -241,23 +247,25 @@ def largest(values: Array) -> Array:
     return largest
 
 
-def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
-    """Return where laws turn back between times, one time a step: regula falsi on the rate, then Newton.
-
-    The sample is near the extremum, not at it: the law is flat there.
-    """
-    pieces = [np.zeros(0)]
+def extrema(laws: Sequence[Any], times: Array) -> Array:
+    """Return where laws turn back between times, in order: in each step where a law is highest, and where lowest."""
+    found = set[float]()
     for law in laws:
-        rate = np.broadcast_to(np.asarray(law(times, 1), float), times.shape)
-        k = np.flatnonzero(rate[:-1] * rate[1:] < 0.0)
-        if k.size:
-            a, b = times[k], times[k + 1]
-            t = a + (b - a) * rate[k] / (rate[k] - rate[k + 1])
-            for _ in range(2):
-                t = t - law(t, 1) / law(t, 2)
-                t = np.where((t > a) & (t < b), t, 0.5 * (a + b))
-            pieces.append(t)
-    return np.concatenate(pieces)
+        turns = _turns(law, float(times[0]), float(times[-1]))
+        values = [law(t) for t in turns]
+        for _, own in groupby(range(len(turns)), key=times.searchsorted(turns).tolist().__getitem__):
+            inside = list(own)
+            found.update(turns[pick(inside, key=values.__getitem__)] for pick in (min, max))
+    return np.array(sorted(found.difference(times.tolist())))
+
+
+@lru_cache(maxsize=64)
+def _turns(law: Any, a: float, b: float) -> tuple[float, ...]:
+    """Return where a law of a scene turns back between two times; of any other function that is not known."""
+    try:
+        return tuple(turning_points(law, a, b))
+    except TypeError:
+        return ()
 
 
 class Tabulated:

@@ -51,8 +51,6 @@ BOTH_SIDES = 2.0
 STEP = 1e-100
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
-UNEVEN = 4.0
-"""Steps between a table's arguments that differ by more are uneven."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +208,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     """
     samples = np.flatnonzero(times_with(motion, Status.OK))
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
-    clock, at = Running(t), running(q)  # so that laws' own rounding counts
+    clock, exactly, at = Running(t), Times(t, 2), running(q)  # so that laws' own rounding counts
     e_phi = residual_error(system, q, t)
     slope = parts(system.phi_q(at, clock), t.shape)  # the rounding of the results is `output_rounding`
     nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
@@ -220,7 +218,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
     e_gamma = SAFETY * off_by(slope, qdd, gamma)[1]
     rate = np.max(np.abs(qd), axis=0)
-    e = tuple(e + table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma)))
+    e = tuple(e + table_error(system, exactly, order) for order, e in enumerate((e_phi, e_nu, e_gamma)))
     still, steady = ((np.abs(right) <= off).all(axis=0) for (right, _), off in zip((nu, gamma), e[1:], strict=True))
     carry = carried(system, q, qd, qdd, t)
     return Propagation(
@@ -318,38 +316,49 @@ def _stepped(x: Any) -> Any:
     return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
 
 
-def table_error(system: System, t: Any, order: int) -> Any:
+def table_error(system: System, clock: Times, order: int) -> Any:
     """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
 
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
     u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
-    the solve, 4 terms of the cubic, rounded up. Where steps between arguments differ by more than `UNEVEN` times, the
-    spline that engines are given is held against the exact one instead: an error is carried from step to step.
+    the solve, 4 terms of the cubic, rounded up. Integrals to the knots add that up, each rounded as it is itself, like
+    a random walk (`_solve_error`). Where steps are uneven, or a second derivative extrapolates to an end, it is more,
+    as an error is carried from step to step: so the spline that engines are given is held against the exact one, too.
 
     Parameters
     ----------
     system : System
-    t : (T,) array
-        Times [s].
+    clock : Times
+        Times (T,) [s], with orders up to this one.
     order : int
         0 for the residual, 1 for nu, 2 for gamma.
     """
-    out = np.zeros((system.m, len(t)))
+    out = np.zeros((system.m, len(clock.t)))
     for k, p in enumerate(system.placed):
-        given = p.constraint.inputs(t, system.unit, order)
-        for n, (law, scaled) in enumerate(zip(p.constraint.laws, given, strict=True)):
-            table = getattr(law, "rate", law)
-            if isinstance(table, Table):
-                size = np.max(np.abs(table.value)) / p.constraint.law_scale(system.unit)[1]
-                steps = np.diff(table.argument)
-                off = 32 * U * size / np.min(steps) ** (order if table is law else order - 1)
-                if np.max(steps) > UNEVEN * np.min(steps):
-                    bounded: Any = bounded_system(system).placed[k].constraint
-                    high, low, rest = Times(t, order).values(bounded.exact, system.unit)[n][order]
-                    off = off + 2 * (np.abs(scaled[order] - high - low) + rest)  # 2: it is carried to first order
+        tables = [isinstance(getattr(law, "rate", law), Table) for law in p.constraint.laws]
+        if not any(tables):
+            continue
+        given, factor = p.constraint.inputs(clock.t, system.unit, order), p.constraint.law_scale(system.unit)[1]
+        bounded: Any = bounded_system(system).placed[k].constraint
+        exact = clock.values(bounded.exact, system.unit)
+        for n, law in enumerate(p.constraint.laws):
+            if tables[n]:
+                high, low, rest = exact[n][order]
+                measured = np.abs(given[n][order] - high - low) + rest
+                off = _spline_error(law, order) / factor + 2 * measured  # 2: it is carried to first order
                 # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
-                out[p.row] += off * np.maximum(1.0, np.abs(scaled[0]))
+                out[p.row] += off * np.maximum(1.0, np.abs(given[n][0]))
     return out
+
+
+def _spline_error(law: Any, order: int) -> float:
+    """Return what rounding leaves of the derivative of a spline, or of an integral of one, as `table_error` has it."""
+    table = getattr(law, "rate", law)
+    size, steps = np.max(np.abs(table.value)), np.diff(table.argument)
+    if table is law or order:
+        return float(32 * U * size / np.min(steps) ** (order if table is law else order - 1))
+    areas = np.abs(law(np.array(table.argument)) - law.initial)
+    return float(32 * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
 
 
 def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:

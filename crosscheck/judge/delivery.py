@@ -33,6 +33,7 @@ from crosscheck.scenes.names import called_for
 from refkin.joints import PointDistance, elements_of
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Producer, Route, Status
+from refkin.proof.numbers.bounded import Times
 from refkin.solving.solve import solve
 from refkin.solving.starts import in_form
 from refkin.system import compile_system
@@ -229,9 +230,10 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
         system = compile_system(in_form(system.mechanism, form), unit=system.unit).held_at(q)
     rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
     rows = residual_error(system, q, t)
+    off = rows + table_error(system, Times(t, 0), 0)
     added = sum(term.absolute + term.relative * rows for term in terms if term.level == QUANTITIES[0])
     wrong_at = asked.copy()
-    wrong_at[asked] = ~np.all(np.abs(system.phi(q, t)) <= rows + table_error(system, t, 0) + rounded + added, axis=0)
+    wrong_at[asked] = ~np.all(np.abs(system.phi(q, t)) <= off + rounded + added, axis=0)
     if wrong_at.any():
         yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
 

@@ -190,7 +190,7 @@ def coverage(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 def together(report: Mapping[str, Any]) -> dict[str, Any]:
     """Return how many scenes have which features at once: joints, and driver with hardness, by motion law.
 
-    `unseen` is how likely one more scene's combination is new: the share of scenes with one of their own (Good, Turing).
+    `unseen` is how likely one more scene's combination is new: the share of those with one of their own (Good, Turing).
     """
     by_joints: dict[str, Counter[str]] = {}
     by_driver: dict[str, Counter[str]] = {}

@@ -287,7 +287,7 @@ class _Answer:
         for name in QUANTITIES:
             getattr(self.radius, name)[samples] = getattr(isolation, name)
         for sample, enclosure in isolation.enclosures.items():
-            self._take(samples[sample], enclosure)
+            isolation.ok[sample] &= self._take(samples[sample], enclosure)
         self._contradicted(samples, (isolation.contradiction > 1.0) & isolation.ok, isolation.contradiction)
         self.radius.position[samples] += np.max(output_rounding(self.system, self.q[:, samples]), axis=0)
         # Nearly singular, and other rows of the redundant ones may say something else: its rates may be anything.
@@ -310,21 +310,21 @@ class _Answer:
                 )
             self.contradicted = True
 
-    def _take(self, k: int, root: Enclosure) -> None:
-        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there.
+    def _take(self, k: int, root: Enclosure) -> bool:
+        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there; False if none.
 
         Bounds over all choices of redundant rows are about the answer as it was: they grow by how far it is moved.
         """
+        known = root.with_rates(len(self.system.effects)) if self.system.effects else (root, [])
+        if known is None:
+            return False
+        root, rates = known
         self._move(self.q, self.radius.position, k, root.nearest(), root)
         self._look(np.array([k]))
-        if not self.system.effects:
-            return
-        velocity = root.velocity()
-        levels = [(self.qd, self.radius.velocity, velocity)]
-        if Effect.ACCELERATION in self.system.effects:
-            levels.append((self.qdd, self.radius.acceleration, root.acceleration(velocity)))
-        for rates, radii, balls in levels:
-            self._move(rates, radii, k, [float(x) for x in balls], root, balls)
+        of_rates = ((self.qd, self.radius.velocity), (self.qdd, self.radius.acceleration))
+        for (level, radii), balls in zip(of_rates, rates, strict=False):
+            self._move(level, radii, k, [float(x) for x in balls], root, balls)
+        return True
 
     def _move(self, level: Any, radii: Any, k: int, answer: Any, root: Enclosure, truth: Any = None) -> None:
         moved = np.max(np.abs(answer - level[:, k]))

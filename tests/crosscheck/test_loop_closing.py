@@ -11,20 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, poses
+from crosscheck.engines import EngineError, load, poses
 from crosscheck.engines import march as continuation
 from crosscheck.engines.march import MarchResult, march
-from crosscheck.engines.poses import EPS, Poses, close, extrema, solve
+from crosscheck.engines.poses import EPS, Poses, close, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute, elements_of
 from refkin.motion import Status
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.scenes.linkages import FourBar
 
 OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
 
 
 class OneByOne:
     """Equations of poses (n,) and a time, lifted to batches."""
+
+    laws = ()
 
     def __init__(self, toy: Toy) -> None:
         self.position = toy.position
@@ -33,9 +36,6 @@ class OneByOne:
     def rows(self, q: Any, t: Any) -> tuple[Any, Any]:
         values = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
         return np.array([residual for residual, _ in values]), np.array([jacobian for _, jacobian in values])
-
-    def extrema(self, times: Any) -> Any:
-        return extrema((), times)
 
 
 def lifted(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -188,6 +188,25 @@ def test_the_march_stays_on_its_branch() -> None:
     result = run(tracked(two_tracks()), [0.0, 1.0])
 
     assert result.levels[0][0].tolist() == pytest.approx([0.1, 5.1], abs=1e-12)
+
+
+REACHES = FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=1.5)
+"""Its crank swings through 1.01 rad either way."""
+BEYOND = {
+    "rates zero at both": (Polynomial(coefficients=(0.5, 0.0, 16.0, -32.0, 16.0)), 1.5),
+    "signs alike at both": (Sinusoid(amplitude=0.8, angular_frequency=math.tau, offset=0.3, phase=0.1), 1.1),
+    "within": (Polynomial(coefficients=(0.5, 0.0, 6.4, -12.8, 6.4)), 0.9),
+}
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "closed_form", "vector_loop"])
+@pytest.mark.parametrize(("law", "most"), BEYOND.values(), ids=BEYOND)
+def test_a_motion_does_not_pass_over_what_its_law_does_between_two_times(engine, law, most) -> None:
+    """It turns back twice there: by the rates at both ends it did not, and all times were ok with 0.5 rad too much."""
+    scene = REACHES.scene(law=law, times=(0.0, 1.0))
+    status = load(engine).solve(scene).status
+
+    assert (status[0], status[1] is Status.OK) == (Status.OK, most < 1.01)
 
 
 def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, largest_of, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import MarchResult, march, march_of
-from crosscheck.engines.poses import EPS, Poses, close, extrema, largest, solve, with_velocities
+from crosscheck.engines.poses import EPS, Poses, close, largest, solve, with_velocities
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Point, Scene
@@ -225,6 +225,7 @@ class ExudynEquations(OwnSolver):
         self._scale = self.column_scale / self.row_scale[:, None]
         whole = model.live == list(range(model.m))  # nothing to be picked: most mechanisms have no empty row
         self._live: Any = slice(None) if whole else model.live
+        self.laws = [law for constraint in scene.mechanism.constraints for law in constraint.laws]
         self._weights = np.zeros(model.m)
         self._weights[model.live] = 1.0 / self.row_scale
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
@@ -240,9 +241,6 @@ class ExudynEquations(OwnSolver):
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         drift = self.model.drifts(q * self.column_scale, qd * self.column_scale, t)
         return drift[:, self._live] / self.row_scale
-
-    def extrema(self, times: Array) -> Array:
-        return extrema(self.model.clock.laws, times)
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
         """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none.

@@ -17,7 +17,7 @@ from crosscheck.engines import EngineError, EngineRefusal, KeptModel, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
-from crosscheck.engines.poses import EPS, extrema
+from crosscheck.engines.poses import EPS
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.motion import estimates, reported
 from crosscheck.engines.spatial.reading import AXIAL, ROWS, UNTURNED, numbers_of
@@ -85,7 +85,7 @@ class SpaceEquations(OwnSolver):
         self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
         super().__init__(model, len(model.lines), model.n)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
-        self.together = not numbers.passive
+        self.together, self.laws = not numbers.passive, [drive.law for drive in numbers.drives]
         passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]
         self.moving = np.delete(np.arange(model.n), passive)
         self.default = quiet_settings()
@@ -129,9 +129,6 @@ class SpaceEquations(OwnSolver):
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         drifts = self.model.drifts(q, qd, t)
         return np.array([self._with_own(drift, rate) for drift, rate in zip(drifts, qd, strict=True)])
-
-    def extrema(self, times: Array) -> Array:
-        return extrema([drive.law for drive in self.numbers.drives], times)
 
     def apart(self, q: Array, other: Array) -> float:
         """Return the largest component [sizes, half rad] by which a pose differs from another, passive spins apart."""

@@ -30,7 +30,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineRefusal
-from crosscheck.engines.poses import EPS, Equations, Tabulated, extrema
+from crosscheck.engines.poses import EPS, Equations, Tabulated
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import AXIAL, COUNTED, MEETING, ROWS, Drive, F, G, H, Hold
 from crosscheck.engines.spatial.tree import SpaceTree, longest_chain
@@ -122,6 +122,7 @@ class SpaceSystem(Equations):
         first = [next(iter(spin.items())) for spin in tree.numbers.passive]
         self._spins = [(tree.numbers.bodies.index(body), line) for body, (_, line) in first]
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
+        self.laws = [drive.law for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)
         self._last: tuple[Array, State] | None = None
         self.own = 3 * len(self.pairs)
@@ -252,9 +253,6 @@ class SpaceSystem(Equations):
         links errs by 12 (1 + depth)^2 EPS (1 + |q|), and a row compares two.
         """
         return self._rounding * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
-
-    def extrema(self, times: Array) -> Array:
-        return extrema([law for _, law, _ in self._driven], times)
 
     def bodies(self, q: Array, qd: Array | None, qdd: Array | None) -> tuple[Array, ...]:
         """Return of the bodies at B poses: places (B, b, 3), rotations; velocities (B, b, 6), accelerations."""

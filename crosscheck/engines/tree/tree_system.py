@@ -28,13 +28,14 @@ from crosscheck.engines import (
     refuse,
 )
 from crosscheck.engines.march import Closing, MarchResult, march, one_by_one
-from crosscheck.engines.poses import EPS, Tabulated, extrema
+from crosscheck.engines.poses import EPS, Tabulated
 from crosscheck.engines.spatial.tree import longest_chain
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND, Constraint, Element, Pair, PointCoordinate, PointDistance, RelativeAngle, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer
+from refkin.motion_laws import Law
 
 Places = Sequence[tuple[str, Pair]]
 """Points of bodies, each in its body's own frame."""
@@ -100,6 +101,7 @@ class TreeSystem:
                 raise EngineError(f"{e.key} of {e.name!r}: a joint tree has no row for it")
         self._rounding = 16.0 * (1 + longest_chain(self.tree.edges)) ** 2 * EPS
         self._places: list[tuple[str, Pair]] = []
+        self.laws: Sequence[Law] = [e.laws[0] for e in self.driven]
         self._laws = [Tabulated(self._in_the_unit(e), times) for e in self.driven]
         self._ends = [self._read_ends(e) for e in self.driven]
         self._turns = {k: self.tree.turn(e) for k, e in enumerate(self.driven) if isinstance(e, RelativeAngle)}
@@ -187,9 +189,6 @@ class TreeSystem:
         """
         largest: Array = np.maximum.reduce(np.abs(q), axis=1, initial=0.0, keepdims=True)
         return self._rounding * (1.0 + largest)
-
-    def extrema(self, times: Array) -> Array:
-        return extrema(self._laws, times)
 
 
 def _not_zero(f: Array) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from crosscheck.engines import Array
 from crosscheck.engines import march as continuation
-from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Equations, Poses, extrema
+from crosscheck.engines.poses import CAP, CONTRACTION, EPS, TRUST, Equations, Poses
 from crosscheck.engines.poses import close as close_all
 from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.motion import Status
@@ -145,7 +145,7 @@ class LoopEquations(Equations):
 
     def __init__(self, system: LoopSystem) -> None:
         self.system = system
-        self.laws = {id(law): law for variable in system.variables() for _, law in variable.laws}
+        self.laws = list({id(law): law for variable in system.variables() for _, law in variable.laws}.values())
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         s, at = self.system, self.unknowns(q)
@@ -159,9 +159,6 @@ class LoopEquations(Equations):
 
     def round_off(self, q: Array, t: Array) -> Array:
         return np.asarray(self.system.rounding(self.unknowns(q), t).T / self.system.scale)
-
-    def extrema(self, times: Array) -> Array:
-        return extrema(list(self.laws.values()), times)
 
     def unknowns(self, q: Array) -> Array:
         """Return the system's own unknowns or rates, (n, B)."""

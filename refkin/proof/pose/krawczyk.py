@@ -28,6 +28,8 @@ from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.preconditioned import Nearly, independent_rows
 from refkin.system import System
 
+MORE_BITS, DIGITS = (226, 452), 2.0**-50
+"""Precisions at which a root is enclosed once more, until its rates are known to so small a part of the largest."""
 JUDGE_BITS = 256
 """Precision of the difference between an answer and the truth: more than either has."""
 MOST_STEPS = 12
@@ -43,7 +45,7 @@ class Enclosure:
     q : tuple of arb
         Balls, one per coordinate, that enclose the root.
     radii : (n,) array
-        Half-widths of the box around the given answer that holds no other root; NaN from `refine`, which proves none.
+        Half-widths of the box around the given answer that holds no other root.
     rows : (n,) array of int
         The constraint rows that were solved.
     """
@@ -58,6 +60,26 @@ class Enclosure:
     def distance(self, answer: Any, truth: tuple[Any, ...] | None = None) -> Any:
         """Return upper bounds (n,) of |answer - truth|; the truth is the position, or rates enclosed by this object."""
         return _above(self.q if truth is None else truth, answer, self.bits)
+
+    def with_rates(self, order: int) -> tuple[Enclosure, list[Any]] | None:
+        """Return the root with as many bits as rates up to an order (1, 2) ask for, and these; None if none are enough.
+
+        At 1e-16 from a singular pose a root of 113 bits leaves no digit of a velocity.
+        """
+        root = self
+        for bits in (self.bits, *MORE_BITS):
+            if bits > root.bits:
+                with ctx.workprec(bits):
+                    q = BallEquations(self.system, self.t, self.rows, bits).narrowed(list(root.q))
+                root = Enclosure(self.system, self.t, bits, q, self.radii, self.rows)
+            rates = [root.velocity()]
+            if order > 1:
+                rates.append(root.acceleration(rates[0]))
+            sizes = [max(abs(float(x)) for x in balls) for balls in rates]
+            sizes[1:] = [max(size, sizes[0] ** 2) for size in sizes[1:]]
+            if all(float(x.rad()) <= DIGITS * size for balls, size in zip(rates, sizes, strict=True) for x in balls):
+                return root, rates
+        return None
 
     def nearest(self) -> Any:
         """Return the root as float64 numbers (n,)."""
