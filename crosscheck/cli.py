@@ -17,7 +17,7 @@ from typing import TextIO
 import cyclopts
 
 from crosscheck.commands.usage import BAR, Printable
-from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, CannotRun, UsageError
+from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, UNREAD, USAGE, CannotRun, UsageError
 from refkin import __version__
 from refkin.errors import InvalidScene
 
@@ -67,9 +67,13 @@ PATHS = ("--out", "--night", "--history", "--baseline", "--csv")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
-    with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(Printable(_open(sys.stderr), BAR)):
+    with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(_aside()):
         code = _run(arguments)
     sys.exit(code)
+
+
+def _aside() -> Printable:
+    return Printable(_open(sys.stderr), BAR, aside=True)
 
 
 def _open(stream: TextIO | None) -> TextIO:
@@ -89,7 +93,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except cyclopts.CycloptsError:
         code = USAGE
     except BrokenPipeError:
-        code = PASS
+        code = UNREAD
     except OSError as error:  # no "[Errno 21]", which says nothing to who asked for it
         file = error.filename2 or error.filename
         about = f"{file}: {error.strerror}" if file and error.strerror else str(error)

@@ -14,7 +14,8 @@ MOST_QUOTED = 100
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 """What moves a terminal's cursor, sets its title or turns the direction of text: everything but lines and tabs."""
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
-INTERRUPTED = 130
+INTERRUPTED, UNREAD = 130, 141
+"""As a shell says of a program that was interrupted, and of one whose output nobody reads any more."""
 
 
 class CannotRun(Exception):

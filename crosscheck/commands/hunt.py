@@ -16,10 +16,9 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, Whole, console, positive, shown_progress, table, writable_folder
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
-from crosscheck.judge.hard_poses import HardOutcome
-from crosscheck.judge.known_gaps import told
+from crosscheck.judge.known_gaps import BAD, HardOutcome, told, unexplained
 from crosscheck.measure.effects import REFKIN
-from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
+from crosscheck.measure.hard_table import SECONDS, hard_case_rows
 from crosscheck.night.campaign import OtherRun, seed_of
 from crosscheck.night.disagreements import slug
 from crosscheck.night.hunting import CERTIFICATE, Bag, Start, drawn_again, hunt, hunted, worst_of_night

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, MOST_LINES, names, outcome_lines
 from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
-from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, CannotRun, UsageError
 from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
@@ -135,18 +135,18 @@ def _cores() -> int:
 
 def _carried_out(plan: NightPlan, seconds: float) -> NightOutcome:
     """Carry out a plan: its scenes, then for so many seconds what is measured beside them."""
-    with shown_progress(plan.scenes, plan.minutes) as progress:
-        try:
+    try:
+        with shown_progress(plan.scenes, plan.minutes) as progress:
             outcome = run(plan, progress)
-        except KeyboardInterrupt as error:
-            kept = f"what was checked is kept in {plan.out}, and the same command goes on from there"
-            error.args = (f"{str(error) or 'interrupted'}; {kept}",)
-            raise
-    if outcome.checked:
-        write_sections(plan.out, outcome.engines, {ALWAYS, *SAMPLED}, seconds, _told)
-        _told("pictures and documents")
-        write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
-        write_documents(plan.out)
+        if outcome.checked:
+            write_sections(plan.out, outcome.engines, {ALWAYS, *SAMPLED}, seconds, _told)
+            _told("pictures and documents")
+            write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
+            write_documents(plan.out)
+    except KeyboardInterrupt as error:
+        kept = f"what was checked is kept in {plan.out}, and the same command goes on from there"
+        error.args = (f"{str(error) or 'interrupted'}; {kept}",)
+        raise
     return outcome
 
 
@@ -225,6 +225,12 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     return PASS
 
 
+class Silent(CannotRun):
+    """An engine answers nothing of what is to be compared."""
+
+    code = DISAGREEMENT
+
+
 def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
@@ -233,7 +239,8 @@ def baseline(
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
 
-    Exit codes: 0 nothing is worse, 1 something is, 2 there is no baseline, 3 an engine is missing.
+    Exit codes: 0 nothing is worse, 1 something is, or an engine answers nothing, 2 there is no baseline, or none of the
+    engines is in it, 3 an engine is missing.
 
     Parameters
     ----------
@@ -260,10 +267,20 @@ def baseline(
     worse = golden.differences({k: v for k, v in before.items() if k in now}, now, installed)
     for case in worse:
         print(f"{case.case}: {case.disagreement}")
+    known, answering = ({name for case in cases.values() for name in case["methods"]} for cases in (before, now))
+    mute, new = ([name for name in installed if name not in there] for there in (answering, known))
+    if mute:
+        raise Silent(f"no answer to any case of the golden set: {', '.join(mute)}")
     if accept:
+        for name in sorted(known - answering):
+            print(f"no longer in the baseline: {name}")
         golden.write(file, now, {name: version for name, (_, version) in installed.items()})
         print(f"accepted: {len(now)} cases in {file}")
         return PASS
+    if new:
+        print(f"not compared, as the baseline does not have them: {', '.join(new)}")
+    if len(new) == len(installed):
+        raise UsageError("--engines: expected one that the baseline has, or more")
     print(f"{len(now)} cases, {len(worse)} of their numbers are worse than the baseline")
     return DISAGREEMENT if worse else PASS
 

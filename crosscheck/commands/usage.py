@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -89,6 +89,9 @@ def console(width: int | None, stderr: bool = False) -> Console:
     class PrintableConsole(Console):
         def render_str(self, text: str, **more: Any) -> Text:
             return super().render_str(printable(text), **more)
+
+        def on_broken_pipe(self) -> None:
+            raise
 
     stream = sys.stderr if stderr else sys.stdout
     return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)
@@ -171,15 +174,24 @@ def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 class Printable:
-    """A stream that lets no control character through but a terminal's colours, and what `allowed` lets besides."""
+    """A stream that lets no control character through but a terminal's colours, and what `allowed` lets besides.
 
-    def __init__(self, stream: TextIO, allowed: re.Pattern[str] = COLOUR) -> None:
+    If it is `aside`, what is done goes on where nobody hears it any more.
+    """
+
+    def __init__(self, stream: TextIO, allowed: re.Pattern[str] = COLOUR, *, aside: bool = False) -> None:
         self._stream, self._allowed = stream, allowed
+        self._heard = suppress(BrokenPipeError) if aside else nullcontext()
 
     def write(self, text: str) -> int:
         parts = self._allowed.split(text) if self._stream.isatty() else [text]
-        self._stream.write("".join(part if k % 2 else printable(part) for k, part in enumerate(parts)))
+        with self._heard:
+            self._stream.write("".join(part if k % 2 else printable(part) for k, part in enumerate(parts)))
         return len(text)
+
+    def flush(self) -> None:
+        with self._heard:
+            self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -52,23 +51,6 @@ scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). 
 tolerance beyond that is what is looked for."""
 TOO_WIDE = 0.1
 """A least error above this says nothing [rad, sizes]: a linkage that folds up is free there."""
-
-
-class HardOutcome(StrEnum):
-    """How an engine did on a scene."""
-
-    CORRECT = "correct"
-    """Every answer that is called ok is right."""
-    WARNED = "warned"
-    """Every answer is right, but one is not called ok, or the engine warned."""
-    REFUSED = "refused"
-    """A time has no answer, or none that is called ok and right."""
-    WRONG = "wrong"
-    """An answer that is called ok is outside of what is allowed."""
-    CRASH = "crash"
-    """The engine ended its process."""
-    HANG = "hang"
-    """It took too long, and was ended."""
 
 
 @dataclass(frozen=True)

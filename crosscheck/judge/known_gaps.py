@@ -15,6 +15,7 @@ import datetime
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -66,6 +67,32 @@ def _known(predicate: str) -> str:
     if predicate not in PREDICATES:
         raise ValueError(f"there are: {', '.join(PREDICATES)}")
     return predicate
+
+
+class HardOutcome(StrEnum):
+    """How an engine did on a scene."""
+
+    CORRECT = "correct"
+    """Every answer that is called ok is right."""
+    WARNED = "warned"
+    """Every answer is right, but one is not called ok, or the engine warned."""
+    REFUSED = "refused"
+    """A time has no answer, or none that is called ok and right."""
+    WRONG = "wrong"
+    """An answer that is called ok is outside of what is allowed."""
+    CRASH = "crash"
+    """The engine ended its process."""
+    HANG = "hang"
+    """It took too long, and was ended."""
+
+
+BAD = (HardOutcome.WRONG, HardOutcome.CRASH, HardOutcome.HANG)
+"""Verdicts that need an explanation: `findings.toml`."""
+
+
+def unexplained(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the rows of hard cases whose verdict needs an explanation that no finding gives."""
+    return [row for row in rows if row["verdict"] in BAD and row["class"] is None]
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]

@@ -13,10 +13,10 @@ from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, load, ref
 from crosscheck.engines.methods import Use, copied, methods, motion_of
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.delivery import granted
-from crosscheck.judge.hard_poses import HardOutcome
+from crosscheck.judge.known_gaps import BAD, HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
-from crosscheck.measure.hard_table import BAD, hard_case_rows
+from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.names import called, called_for, order_of

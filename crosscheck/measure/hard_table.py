@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import lru_cache
 from itertools import pairwise
@@ -19,8 +19,8 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.delivery import granted, misshapen
-from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
-from crosscheck.judge.known_gaps import Finding, finding_of, read_findings
+from crosscheck.judge.hard_poses import PoseSample, Solutions, samples, truths
+from crosscheck.judge.known_gaps import BAD, Finding, HardOutcome, finding_of, read_findings
 from crosscheck.measure.bench import key_of
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import HardCase
@@ -117,8 +117,6 @@ SECONDS = 20.0
 PROCESSES = 2
 """How many processes take the methods in turn: what is proved of a case is computed once in each, for all engines. What
 fails in one is asked again in a process that no other engine has had: it alone says whose failure it is."""
-BAD = (HardOutcome.WRONG, HardOutcome.CRASH, HardOutcome.HANG)
-"""Verdicts that need an explanation: `findings.toml`."""
 
 Row = dict[str, Any]
 
@@ -211,11 +209,6 @@ def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known:
         "quote": None if finding is None else f"{finding.quote} ({finding.source})",
         "note": note,
     }
-
-
-def unexplained(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the rows whose verdict needs an explanation that no finding gives."""
-    return [row for row in rows if row["verdict"] in BAD and row["class"] is None]
 
 
 def _in_turn_by_kind(cases: Sequence[HardCase]) -> list[HardCase]:

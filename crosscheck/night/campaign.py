@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from crosscheck.errors import UsageError
+from crosscheck.errors import ENGINE_MISSING, CannotRun, UsageError
 from crosscheck.judge import known_gaps
 from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.delivery import Unanswered
@@ -63,6 +63,12 @@ class OtherRun(UsageError):
     """The folder holds a run with another seed, other engines or other scenes, whose records would mix with these."""
 
 
+class NotHere(CannotRun):
+    """An engine is missing without which a night that was begun does not go on."""
+
+    code = ENGINE_MISSING
+
+
 def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> NightOutcome:
     """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again.
 
@@ -78,7 +84,10 @@ def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> Ni
     names = {spec: name for name, spec in outcome.engines.items()}
     alone = missing and set(engines) <= {ALWAYS, *SAMPLED}
     outcome.required = list(missing) if alone else [names.get(spec, spec) for spec in plan.required]
-    if not any(name in missing for name in outcome.required):
+    absent = [f"{name} is required and missing: {missing[name]}" for name in outcome.required if name in missing]
+    if absent and _made(plan.out) is not None:
+        raise NotHere(f"{'; '.join(absent)}; the night in {plan.out} stays as it is")
+    if not absent:
         with Journal(plan.out / "records.jsonl") as journal:
             _carry_out(plan, journal, outcome, progress)
     write_outcome(plan.out, outcome)
@@ -102,7 +111,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
             outcome.checked = len(journal.keys)
         mute = _sort(journal, outcome)
         if plan.known_gaps:
-            own = known_gaps.read()
+            own = [gap for gap in known_gaps.read() if gap.engine in outcome.engines]
             outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
         simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
         outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
@@ -352,6 +361,6 @@ def _write_how(plan: NightPlan, outcome: NightOutcome, begun: str | None) -> Non
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": "{processor}, {system}, {cores} cores".format(**machine()),
-        "date": begun or time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
+        "date": begun or time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()),
     }
     replace_file(plan.out / "run.json", json.dumps(made, indent=1) + "\n")

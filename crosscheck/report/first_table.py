@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from crosscheck.judge.known_gaps import HardOutcome
 from crosscheck.judge.prices import SUFFIX, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.prices import main_class
@@ -163,6 +164,9 @@ def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -
         few = f", {done} of {of} cases asked" if done < of else ""
         kinds_wrong = len({row["case"] for row in wrong})
         parts.append(f"{kinds_wrong} of {answered} kinds of hard cases that it answers{few} ({classes})")
+    ended = {row["case"] for row in cases if row["verdict"] in (HardOutcome.CRASH, HardOutcome.HANG)}
+    if ended:
+        parts.append(f"no answer, as it crashed or hung, at {len(ended)} kinds of hard cases")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
     seriousness = "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
     nowhere = _nowhere(report, cases) if made.get("scenes") else "no answer in any scene"

@@ -11,9 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from crosscheck.judge.known_gaps import unexplained
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
-from crosscheck.night.plan import GOLDEN, OUTCOME, Golden, NightOutcome
+from crosscheck.night.plan import ALWAYS, GOLDEN, OUTCOME, SAMPLED, Golden, NightOutcome
 from crosscheck.report.alike import SameScenes
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.disagreements import Disagreements, Features
@@ -148,8 +149,9 @@ class Summary:
         met = {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
         required = list(self.outcome.required if self.outcome else run.get("required", ()))
         asked: dict[str, Any] = {"required": required, "missing": missing, "answering": answering}
-        new = self.disagreements.new
-        how, why = verdict(**asked, new=new, failures=len(self.failures), scenes=len(self.keys))
+        new, hard = self.disagreements.new, Counter(r["engine"] for r in unexplained(self.measured["hard_cases"] or ()))
+        peers = {*versions} - {REFERENCE, ALWAYS, *SAMPLED}
+        how, why = verdict(**asked, peers=peers, new=new, hard=hard, failures=len(self.failures), scenes=len(self.keys))
         return {
             "schema": 3,
             "verdict": how,
@@ -229,6 +231,8 @@ class Summary:
 
     def _notes(self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str]) -> list[str]:
         notes = [f"{name} answered no scene" for name in engines if name not in answering]
+        if not {*engines} - {ALWAYS, *SAMPLED}:
+            notes.append("no engine was asked: compared are our own sources alone")
         for engine, seen in sorted(self.versions.items()):
             if engine in versions and set(seen) != {versions[engine]}:
                 listed = ", ".join(f"{v} ({n} answers)" for v, n in sorted(seen.items()))
@@ -258,6 +262,10 @@ def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
     return disagreement.engine, disagreement.method, _quantity(disagreement.quantity)
 
 
+def _by_engine(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
 PASS = "pass"
 NEW_DISAGREEMENTS = "new disagreements"
 INFRASTRUCTURE = "infrastructure"
@@ -270,7 +278,9 @@ def verdict(
     required: Collection[str],
     missing: Mapping[str, str],
     answering: Collection[str],
+    peers: Collection[str] = (),
     new: Mapping[str, int],
+    hard: Mapping[str, int] | None = None,
     failures: int,
     scenes: int,
 ) -> tuple[str, str]:
@@ -284,19 +294,20 @@ def verdict(
         Engines that could not be loaded -> why.
     answering : collection of str
         Engines that answered at least one scene.
-    new : mapping
-        New disagreements by engine.
+    peers : collection of str
+        Engines that were asked, our own sources aside.
+    new, hard : mapping
+        New disagreements, and what no finding explains at hard cases, by engine.
     failures, scenes : int
         Scenes without a result and other failures of the run; scenes with a record.
     """
     absent = [name for name in required if name in missing]
     if absent:
         return ENGINE_MISSING, "; ".join(f"{name} is required and missing: {missing[name]}" for name in absent)
-    if new:
-        by_engine = ", ".join(
-            f"{engine} {count}" for engine, count in sorted(new.items(), key=lambda item: (-item[1], item[0]))
-        )
-        return NEW_DISAGREEMENTS, f"No known gap accounts for them. By engine: {by_engine}"
+    if new or hard:
+        told = ["No known gap accounts for them. By engine: " + _by_engine(new)] if new else []
+        told += ["No finding explains what is wrong, or ended, at hard cases: " + _by_engine(hard)] if hard else []
+        return NEW_DISAGREEMENTS, "; ".join(told)
     if failures:
         return (
             INFRASTRUCTURE,
@@ -307,5 +318,7 @@ def verdict(
     mute = [name for name in required if name not in answering]
     if mute:
         return ENGINE_MISSING, f"Required, and without an answer to any scene: {', '.join(mute)}"
+    if peers and not {*peers} & {*answering}:
+        return ENGINE_MISSING, f"No engine answered a scene: {', '.join(sorted(peers))}"
     without = f"; not compared, because missing: {', '.join(missing)}" if missing else ""
     return PASS, f"Every compared answer is within its derived budget, known gaps aside{without}"

@@ -311,20 +311,20 @@ class _Answer:
             self.contradicted = True
 
     def _take(self, k: int, root: Enclosure) -> bool:
-        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there; False if none.
+        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there.
+
+        Return whether they may be believed: of no use are rates without digits where a pose is nearly singular.
 
         Bounds over all choices of redundant rows are about the answer as it was: they grow by how far it is moved.
         """
-        known = root.with_rates(len(self.system.effects)) if self.system.effects else (root, [])
-        if known is None:
-            return False
-        root, rates = known
+        order = len(self.system.effects)
+        root, rates, known = root.with_rates(order) if order else (root, [], True)
         self._move(self.q, self.radius.position, k, root.nearest(), root)
         self._look(np.array([k]))
         of_rates = ((self.qd, self.radius.velocity), (self.qdd, self.radius.acceleration))
         for (level, radii), balls in zip(of_rates, rates, strict=False):
             self._move(level, radii, k, [float(x) for x in balls], root, balls)
-        return True
+        return known or not self.sigma_min[k] <= SINGULAR
 
     def _move(self, level: Any, radii: Any, k: int, answer: Any, root: Enclosure, truth: Any = None) -> None:
         moved = np.max(np.abs(answer - level[:, k]))

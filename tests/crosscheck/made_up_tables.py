@@ -19,6 +19,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use, of_routes
 from crosscheck.judge import known_gaps, workloads
 from crosscheck.judge.hard_poses import PoseSample
+from crosscheck.judge.known_gaps import unexplained
 from crosscheck.judge.prices import EffectRow, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure import bench, check, conform, effects, hard_table, jobs, price_process
@@ -265,7 +266,7 @@ def conforming() -> Any:
     made_rows = [
         hard_table._row(("a", m, ""), case, answer, 7, known) for m in "bc" for case in turn[:2] for answer in answers
     ]
-    return [told, [case.key for case in turn], made_rows, len(hard_table.unexplained(made_rows))]
+    return [told, [case.key for case in turn], made_rows, len(unexplained(made_rows))]
 
 
 def handed(shake: Shake) -> Any:

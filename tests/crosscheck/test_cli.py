@@ -197,6 +197,53 @@ def test_an_engine_that_is_missing_and_not_required_is_told_and_the_others_run(t
     }
 
 
+def test_a_night_that_was_carried_out_stays_as_it_is_where_a_required_engine_is_missing_now(tmp_path, nightly):
+    """Its verdict, its report and its row of the history were those of a night of no scene."""
+    out, spec = tmp_path / "out", engine_file(tmp_path, after=SHIFT)
+    asked = (out, "--engines", spec, "--require-engines", spec)
+    nightly(*asked, scenes=1)
+    kept = {path: path.read_bytes() for path in (*out.rglob("*.*"), tmp_path / "history.sqlite")}
+    Path(spec.rpartition(":")[0]).unlink()
+    process = nightly(*asked, scenes=1)
+
+    assert (process.returncode, process.stderr.count("\n")) == (3, 1)
+    assert process.stderr.endswith(f"the night in {out} stays as it is\n")
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_a_night_without_engines_says_that_it_compares_nothing_but_our_own(tmp_path, nightly):
+    process = nightly(tmp_path, "--engines", "", scenes=1)
+
+    assert process.returncode == 0
+    assert "note: no engine was asked: compared are our own sources alone" in process.stderr
+
+
+def unheard(stream: str, *arguments: Any) -> int:
+    """Return how the command line ends with a stream that nobody reads any more."""
+    ends = os.pipe()
+    os.close(ends[0])
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL} | {stream: ends[1]}
+    try:
+        return subprocess.run(command_line(*arguments), timeout=100, check=False, **streams).returncode
+    finally:
+        os.close(ends[1])
+
+
+def test_a_night_whose_log_nobody_reads_goes_on_to_its_end(tmp_path):
+    """It ended at its first line, with 0, and without a report."""
+    asked = night(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
+
+    assert unheard("stderr", *asked) == 1
+    assert verdict(tmp_path / "out") == "new disagreements"
+
+
+@pytest.mark.parametrize(
+    "asked", [("replay", GOOD, "--engines", "closed_form"), ("solve", GOOD), ("solve", GOOD, "--json")]
+)
+def test_what_nobody_reads_is_neither_a_pass_nor_a_disagreement(asked):
+    assert unheard("stdout", *asked) == 141
+
+
 def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
     path = without(tmp_path, "exudyn", "mujoco")
     process = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco"), env={"PYTHONPATH": path})
@@ -288,6 +335,7 @@ def test_a_log_shows_no_bar(tmp_path, nightly):
     assert process.stderr.splitlines() == [
         "measuring pictures and documents",
         "2 scenes checked, 0 new and 0 known disagreements",
+        "note: no engine was asked: compared are our own sources alone",
         "pass: Every compared answer is within its derived budget, known gaps aside",
         f"report: {tmp_path / 'index.html'}",
     ]

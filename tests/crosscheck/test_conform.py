@@ -13,7 +13,7 @@ import refkin
 from crosscheck.commands.replay import lines
 from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level, load
 from crosscheck.engines.closed_form.engine import ClosedForm
-from crosscheck.judge.hard_poses import HardOutcome
+from crosscheck.judge.known_gaps import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check
 from crosscheck.measure.conform import LevelFault, Reply, _faults_of, ask, hard_replies, replies, summary

@@ -260,6 +260,27 @@ def test_accepting_tells_what_is_worse_and_then_nothing_is(file: Path, command: 
     assert command("baseline", "--engines", "closed_form", "--file", file).returncode == 0
 
 
+@pytest.mark.parametrize("accept", [(), ("--accept",)])
+def test_an_engine_that_answers_nothing_is_never_taken_for_one_that_is_not_worse(file, tmp_path, command, accept):
+    spec, before = engine_file(tmp_path, before="raise EngineRefusal('it takes nothing')"), file.read_bytes()
+    code, _, err = command("baseline", *accept, "--engines", f"closed_form,{spec}", "--file", file)
+
+    assert (code, err) == (1, "no answer to any case of the golden set: fake\n")
+    assert file.read_bytes() == before
+
+
+def test_an_engine_that_the_baseline_does_not_have_is_named(file: Path, command: Any) -> None:
+    both, alone = (
+        command("baseline", "--engines", asked, "--file", file)
+        for asked in ("closed_form,refkin-batch", "refkin-batch")
+    )
+
+    assert (both.returncode, alone.returncode) == (0, 2)
+    assert "not compared, as the baseline does not have them: refkin-batch" in both.stdout
+    accepted = command("baseline", "--accept", "--engines", "refkin-batch", "--file", file)
+    assert "no longer in the baseline: closed_form" in accepted.stdout
+
+
 def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path: Path, command: Any) -> None:
     assert command("baseline", "--engines", f"{tmp_path / 'gone.py'}:Gone", "--file", file).returncode == 3
 

@@ -12,10 +12,17 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineError, load
-from crosscheck.judge.hard_poses import GRANTED, HardOutcome, PoseSample, least_error, residual_error, samples, truths
-from crosscheck.judge.known_gaps import Finding
+from crosscheck.judge.hard_poses import (
+    GRANTED,
+    PoseSample,
+    least_error,
+    residual_error,
+    samples,
+    truths,
+)
+from crosscheck.judge.known_gaps import Finding, HardOutcome, unexplained
 from crosscheck.measure import hard_table
-from crosscheck.measure.hard_table import classed, hard_case_rows, outcome_of, unexplained
+from crosscheck.measure.hard_table import classed, hard_case_rows, outcome_of
 from crosscheck.scenes.hard import KINDS, hard_cases
 from crosscheck.scenes.hard_case import DISTANCES, GAPS
 from crosscheck.workers.processes import Failure, FailureKind

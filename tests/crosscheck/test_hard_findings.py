@@ -20,9 +20,9 @@ from crosscheck.engines.mujoco.shipped import as_shipped
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import DOCUMENTED
-from crosscheck.judge.hard_poses import HardOutcome, samples, scene_truths
-from crosscheck.judge.known_gaps import InvalidGap, finding_of, read_findings
-from crosscheck.measure.hard_table import BAD, classed, listed, outcome_of, unexplained
+from crosscheck.judge.hard_poses import samples, scene_truths
+from crosscheck.judge.known_gaps import BAD, HardOutcome, InvalidGap, finding_of, read_findings, unexplained
+from crosscheck.measure.hard_table import classed, listed, outcome_of
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 

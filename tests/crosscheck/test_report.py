@@ -24,7 +24,8 @@ from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report.build import plain as plain_data
 from crosscheck.report.build import summarized
 from crosscheck.report.cells import quantile
-from crosscheck.report.summary import Summary
+from crosscheck.report.first_table import first_table
+from crosscheck.report.summary import Summary, verdict
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
 
@@ -293,6 +294,30 @@ def test_a_required_engine_that_is_missing_is_the_verdict(tmp_path, required, mi
 
     assert report["verdict"] == verdict
     assert "exudyn" in report["why"]
+
+
+def test_a_night_in_which_no_engine_answers_is_no_pass():
+    asked = {"required": (), "missing": {}, "new": {}, "failures": 0, "scenes": 5, "peers": ("fake", "other")}
+
+    assert verdict(**asked, answering=("closed_form", "other"))[0] == "pass"
+    assert verdict(**asked, answering=("closed_form",)) == ("engine missing", "No engine answered a scene: fake, other")
+
+
+def test_what_no_finding_explains_at_hard_cases_is_part_of_the_verdict(tmp_path: Path) -> None:
+    """An engine that died at every one had a pass, and was "nowhere" wrong."""
+    row = {"engine": "mujoco", "method": "newton", "case": "limit", "distance": 1e-8, "of": 87}
+    rows = [
+        {**row, "verdict": verdict, "class": kind}
+        for verdict, kind in (("crash", None), ("wrong", None), ("wrong", "our misuse"))
+    ]
+    folder = write(tmp_path, record("a", good_answer("mujoco")))
+    (folder / "hard_cases.json").write_text(json.dumps(rows), encoding="utf-8")
+    report = reported(folder)
+    (made,) = (row for row in first_table(report)[0]["rows"] if row["method"] == "newton")
+
+    assert report["verdict"] == "new disagreements"
+    assert report["why"] == "No finding explains what is wrong, or ended, at hard cases: mujoco 2"
+    assert "no answer, as it crashed or hung, at 1 kinds of hard cases" in made["silent"]
 
 
 def test_torn_line_is_an_infrastructure_failure_with_its_line(tmp_path: Path) -> None:

@@ -12,7 +12,8 @@ import refkin
 from crosscheck.engines import load
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, scene_truths, truths
+from crosscheck.judge.hard_poses import PoseSample, samples, scene_truths, truths
+from crosscheck.judge.known_gaps import HardOutcome
 from crosscheck.measure.hard_table import classed
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import GAPS, LIMITED, REACH, HardCase

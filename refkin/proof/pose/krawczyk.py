@@ -61,8 +61,8 @@ class Enclosure:
         """Return upper bounds (n,) of |answer - truth|; the truth is the position, or rates enclosed by this object."""
         return _above(self.q if truth is None else truth, answer, self.bits)
 
-    def with_rates(self, order: int) -> tuple[Enclosure, list[Any]] | None:
-        """Return the root with as many bits as rates up to an order (1, 2) ask for, and these; None if none are enough.
+    def with_rates(self, order: int) -> tuple[Enclosure, list[Any], bool]:
+        """Return the root with as many bits as rates up to an order (1, 2) ask for; these, and if they have digits.
 
         At 1e-16 from a singular pose a root of 113 bits leaves no digit of a velocity.
         """
@@ -78,8 +78,8 @@ class Enclosure:
             sizes = [max(abs(float(x)) for x in balls) for balls in rates]
             sizes[1:] = [max(size, sizes[0] ** 2) for size in sizes[1:]]
             if all(float(x.rad()) <= DIGITS * size for balls, size in zip(rates, sizes, strict=True) for x in balls):
-                return root, rates
-        return None
+                return root, rates, True
+        return root, rates, False
 
     def nearest(self) -> Any:
         """Return the root as float64 numbers (n,)."""
