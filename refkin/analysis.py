@@ -104,7 +104,7 @@ def sweep(scene: Scene) -> Motion:
     """Return the motion of a scene: from its estimates to the first pose, then from one time to the next.
 
     A time is `ok` if its residual is round-off and sigma_min above `SINGULAR`, whatever the laws do between two times;
-    `singular` if only sigma_min is too small; `not_converged` if no pose was found; `branch_lost` after one not ok.
+    `singular` if only sigma_min is too small; `not_converged` if there is no first pose; `branch_lost` after the last.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimate_of(system, scene), scene.times[0])

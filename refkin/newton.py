@@ -65,7 +65,7 @@ class CorrectionNorm:
 class RoundOff:
     """Stop when the correction is below the spacing of the numbers, or stalls with the residual at round-off.
 
-    Near a multiple root each correction is half of the one before, down to about sqrt(EPS); from there they only
+    Near a double root each correction is half of the one before, down to about sqrt(EPS); from there they only
     jitter. So a small one, below 1e-6, has stalled if it is more than 0.6 of the one before: halves may go on.
     """
 
@@ -83,7 +83,7 @@ class NewtonResult:
     """What an iteration did, all of it.
 
     `q` (n,) is the last of `iterates` (k + 1, n); `residuals` (k + 1, m) are phi at each of these, `corrections` (k, n)
-    lead from each to the next. `residual` is the largest component of phi at `q`.
+    lead from each to the next; of a NaN in q0 they are one row. `residual` is the largest component of phi at `q`.
     """
 
     status: NewtonStatus
@@ -198,7 +198,7 @@ def _row(q0: Any) -> Any:
 
 def _matrix(value: Any, rows: int, columns: int) -> Any:
     slope = np.asarray(value)
-    if slope.size != rows * columns or slope.dtype == object:
+    if slope.size != rows * columns or slope.dtype == object or (slope.ndim == 2 and slope.shape != (rows, columns)):
         raise InvalidRequest("phi_q", f"a matrix of shape {(rows, columns)}", f"shape {slope.shape} of {slope.dtype}")
     return slope.reshape(rows, columns)
 
@@ -208,7 +208,7 @@ def _vector(value: Any) -> Any:
 
 
 def _damp(phi: Callable[[Any], Any], q: Any, residual: Any, correction: Any) -> Any:
-    """Return the largest of correction * 2^-k whose residual is smaller; the smallest tried if none is."""
+    """Return the largest of correction * 2^-k whose residual is smaller; 2^-20 of it if none is."""
     norm = np.linalg.norm(residual)
     for _ in range(20):
         if np.linalg.norm(_vector(phi(q + correction))) < norm:

@@ -14,7 +14,8 @@ from tests.houseplan import ROOT, arrows, floors, folded, imported, module_of, m
 
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
 TYPES_AND_LAWS = {"refkin.model", "refkin.motion", "refkin.motion_laws", "refkin.joints", "refkin.errors"}
-"""What an adapter may know of refkin: what a scene says, and the type of an answer."""
+TYPES_AND_LAWS |= {"refkin.proof.numbers.extrema"}
+"""What an adapter may know of refkin: what a scene says, when its laws turn back, and the type of an answer."""
 NEWTON = {"refkin.newton", "refkin.differences"}
 """Vector loops are solved by refkin's Newton, which knows no joint."""
 OURS = ROOT / "crosscheck" / "engines" / "ours"
@@ -86,8 +87,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 60_249
-    assert size["tests"] <= 48_028
+    assert size["refkin"] + size["crosscheck"] <= 60_349
+    assert size["tests"] <= 48_232
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -225,7 +225,7 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     return PASS
 
 
-class Silent(CannotRun):
+class NoAnswers(CannotRun):
     """An engine answers nothing of what is to be compared."""
 
     code = DISAGREEMENT
@@ -270,7 +270,7 @@ def baseline(
     known, answering = ({name for case in cases.values() for name in case["methods"]} for cases in (before, now))
     mute, new = ([name for name in installed if name not in there] for there in (answering, known))
     if mute:
-        raise Silent(f"no answer to any case of the golden set: {', '.join(mute)}")
+        raise NoAnswers(f"no answer to any case of the golden set: {', '.join(mute)}")
     if accept:
         for name in sorted(known - answering):
             print(f"no longer in the baseline: {name}")

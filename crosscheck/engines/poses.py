@@ -68,7 +68,7 @@ class Poses:
     """B poses, NaN where Newton found none.
 
     Times (B,), coordinates (B, n), Jacobians (B, m, n), largest components of the residuals (B,), inverses of the
-    Jacobians (B, n, m) and velocities (B, n): NaN too if a pose is not `regular`.
+    Jacobians (B, n, m), and velocities (B, n), which are NaN, too, where a pose is not `regular`.
     """
 
     t: Array

@@ -48,7 +48,7 @@ class Running:
 
     def __truediv__(self, other: float) -> Running:
         """Divide by a plain number."""
-        return self * (1.0 / other)
+        return self._result(self.value / other, self.error / abs(other))
 
     __radd__ = __add__
     __rmul__ = __mul__

@@ -5,8 +5,8 @@ phi [rad]; one of space is free, and has x, y, z and its Euler parameters. Each 
 that keeps a point on a line: a carriage is added there, a body of its own that slides on body i, along the line and,
 where the line is a rack, across it. So it is with elements of space: a carriage slides and turns on body i as the
 element lets body j, to which it is welded. The model is at rest in qpos = 0, where all frames lie on the ground's; the
-key `start` has the estimates. MuJoCo takes two points that are less than 1e-6 apart for one: a model of a small
-mechanism is in units of its size, and says so in `metres per unit`.
+key `start` has the estimates. MuJoCo takes a site within 1e-6 of the origin of its body for one that is there: a model
+of a small mechanism is in units of its size, and says so in `metres per unit`.
 """
 
 from __future__ import annotations

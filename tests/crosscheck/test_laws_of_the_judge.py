@@ -81,7 +81,7 @@ OPERATIONS = {
     "a number more": (lambda x, y: x + 0.3 + (0.2 + y)),
     "a number less": (lambda x, y: (x - 0.3) - (0.2 - y)),
     "a multiple": (lambda x, y: x * -2.5 + 1.5 * y),
-    "a part": (lambda x, y: x / 4.0 + y),
+    "a part": (lambda x, y: x / 4.1 + y),
     "the negative": (lambda x, y: -x - y),
     "circular functions": (lambda x, y: np.sin(x) + np.cos(y) if isinstance(x, float) else x.sin() + y.cos()),
     "a function": (lambda x, y: np.exp(x) + y if isinstance(x, float) else x.through(lambda v, _: np.exp(v)) + y),

@@ -29,6 +29,7 @@ from tests.claims import assert_near
             lambda q: np.ones((2, 3)),
             "phi_q: expected a matrix of shape (2, 2), got shape (2, 3) of float64",
         ),
+        ([1.0] * 6, lambda q: np.ones((4, 9)), "phi_q: expected a matrix of shape (6, 6), got shape (4, 9) of float64"),
         ([1.0, 2.0], lambda q: None, "phi_q: expected a matrix of shape (2, 2), got shape () of object"),
     ],
 )

@@ -117,6 +117,24 @@ def test_one_tube_holds_a_short_turn_in_space_whose_law_stands_in_the_jacobian()
     assert ConnectionProof(system.held_at(q[:, 0]), 1, pose_between).connects(*scene.times, *q.T)
 
 
+@pytest.mark.parametrize(("reach", "holds"), [(0.3, True), (0.35, False)])
+def test_a_tube_in_space_is_proved_over_all_its_times(reach, holds):
+    """phi_q has the law of the angle: with the one at the middle 0.35 s were proved, where the condition is false."""
+    law, frame = Sinusoid(amplitude=2.0, angular_frequency=1.0, offset=3.0), ("point", "axis", "zero")
+    ends = {f"{key}_{side}": (key == "zero", 0, key == "axis") for key in frame for side in "ij"}
+    pin = refkin.SpatialRevolute(name="pin", body_i="ground", body_j="arm", **ends)
+    arm, driver = refkin.Body(name="arm"), refkin.SpatialAngleDriver(name="turn", joint="pin", law=law)
+    mechanism = refkin.Mechanism((arm,), (pin,), (driver,))
+    system = compile_system(mechanism, unit=mechanism.unit())
+    times = np.array([math.pi / 2 - reach, math.pi / 2 + reach])
+    half = np.array([law(t) / 2 for t in times])
+    q = np.array([0 * half, 0 * half, 0 * half, np.cos(half), 0 * half, 0 * half, np.sin(half)])
+    middle, v = q.mean(axis=1)[:, None], ((q[:, 1] - q[:, 0]) / (2 * reach))[:, None]
+
+    assert bool(Tubes(system, middle, v, np.array([math.pi / 2]), np.array([reach])).proved[0]) is holds
+    assert ConnectionProof(system, 1, pose_between).connects(*times, *q.T) is holds
+
+
 def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chords_alone():
     scene = ROCKER.scene(samples=9)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())

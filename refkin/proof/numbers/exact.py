@@ -226,7 +226,8 @@ def _tridiagonal(
 ) -> list[Any]:
     """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination.
 
-    Without pivots: the diagonal is larger than the rest of its row (the Thomas algorithm).
+    Without pivots (the Thomas algorithm): the diagonal is larger than the rest of its row, but for the ends of a spline
+    that is not periodic, where exact numbers lose nothing.
     """
     pivots, sides = [diagonal[0]], [right[0]]
     for k in range(1, len(diagonal)):

@@ -2,7 +2,8 @@
 
 Between two neighbours in the extrema a law is monotone, so that its signs there say whether it has a zero in between;
 and the extrema are zeros of f', which is a law of the same kind, a polynomial of lower degree, or known in closed form.
-So nothing is sampled and none is left out; each is a float64 number, next to the true one.
+So nothing is sampled. Each is a float64 number next to a true one of the law whose derivative has the coefficients that
+float64 leaves of it: two extrema between which f moves by no more than its rounding may be missing, or both be there.
 """
 
 from __future__ import annotations

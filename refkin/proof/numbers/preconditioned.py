@@ -59,9 +59,9 @@ class Preconditioned:
         """Return the certified rows of what a system's method gave; the middles as `read` does."""
         return read_rows(numbers, self.rows, self.q.shape[1], wide)
 
-    def slope_over(self, radii: Any) -> Bounds:
-        """Return phi_q over a box around q."""
-        return self.rows_of(self.system.phi_q(box(self.q, radii), self.times))
+    def slope_over(self, radii: Any, times: Times | None = None) -> Bounds:
+        """Return phi_q over a box around q, and over other times than its own, if there are such."""
+        return self.rows_of(self.system.phi_q(box(self.q, radii), times or self.times))
 
     def carried(self, x: Bounds) -> tuple[Any, Any]:
         """Return R x as a value and a bound of its error."""

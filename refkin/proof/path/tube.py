@@ -6,8 +6,10 @@ phi(q, t), both over the whole line. So with, in the norm |y| = max_k |y_k| / w_
 
     eta >= |R phi(q, t)| + h |R (phi_q(c) v - nu(c, t + s))|     Z >= |I - R phi_q(x)|, x within 2 w of the line,
 
-eta + 2 Z w <= 2 w proves: at every time |s| <= h exactly one root lies within 2 w of c(s), and phi_q is regular there.
-By the implicit function theorem these roots are one smooth motion q(t). Two poses that both lie in a tube, each at its
+where in eta phi_q may as well be that at t itself, if y goes along the line first and then t on. In space the rows of
+an angle have its law in phi_q: Z is over all times |s| <= h, too. Then eta + 2 Z w <= 2 w proves: at every time
+|s| <= h exactly one root lies within 2 w of c(s), and phi_q is regular there. By the implicit function theorem these
+roots are one smooth motion q(t). Two poses that both lie in a tube, each at its
 time, are therefore poses of one motion: no branch was changed between them.
 
 `Tubes` tries many lines at once, in float64, with every rounding bounded; the laws of motion are enclosed over their
@@ -46,12 +48,12 @@ class Tubes:
             pose = Preconditioned(system, rows, q, t, 1)
             at_middle = pose.carried(pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times)))
             swept = UP * np.abs(v) * half
-            line = box(q, swept)
-            slope, nu = pose.system.phi_q(line, pose.times), pose.system.nu(line, Times(t, 1, half))
+            line, over = box(q, swept), Times(t, 1, half)
+            slope, nu = pose.system.phi_q(line, pose.times), pose.system.nu(line, over)
             moving = pose.carried(off_by(pose.rows_of(slope), v, pose.rows_of(nu)))
             eta = UP * (np.abs(at_middle[0]) + at_middle[1] + half * (np.abs(moving[0]) + moving[1]))
             self.w = w = eta + off + np.maximum(FLOOR * np.max(eta, axis=0), 64 * U)
-            wide = pose.slope_over(UP * (swept + 2 * w))
+            wide = pose.slope_over(UP * (swept + 2 * w), over)
             defect = pose.defect_on(wide, 2 * w) + pose.spread_on(wide.spread, 2 * w)
             self.proved = np.all(UP * (eta + defect) <= 2 * w, axis=0)
 
