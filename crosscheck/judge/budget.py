@@ -49,6 +49,10 @@ SAFETY = 4.0
 BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
+SOME, UNEVEN = (64.0, 96.0, 160.0), 2.0
+"""Of a spline's value and derivatives, where no step is more than so many times another. 32 are two roundings of a
+difference, a factor 3 for the solve, 4 terms of the cubic, rounded up; the worst that was searched for was 1.8, 2.3 and
+4.2 times as much."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 
@@ -320,10 +324,10 @@ def table_error(system: System, clock: Times, order: int) -> Any:
     """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
 
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
-    u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
-    the solve, 4 terms of the cubic, rounded up. Integrals to the knots add that up, each rounded as it is itself, like
-    a random walk (`_solve_error`). Where steps are uneven, or a second derivative extrapolates to an end, it is more,
-    as an error is carried from step to step: so the spline that engines are given is held against the exact one, too.
+    u max|y| / h: k-th derivatives err by `SOME` u max|y| / h^k. Integrals to the knots add that up, each rounded as it
+    is itself, like a random walk (`_solve_error`). Where steps between arguments differ by more than `UNEVEN` times,
+    the spline that engines are given is held against the exact one, too: an error is carried from step to step.
+    Nowhere else, or a law that is wrong for everybody would be granted to everybody.
 
     Parameters
     ----------
@@ -339,13 +343,15 @@ def table_error(system: System, clock: Times, order: int) -> Any:
         if not any(tables):
             continue
         given, factor = p.constraint.inputs(clock.t, system.unit, order), p.constraint.law_scale(system.unit)[1]
-        bounded: Any = bounded_system(system).placed[k].constraint
-        exact = clock.values(bounded.exact, system.unit)
         for n, law in enumerate(p.constraint.laws):
             if tables[n]:
-                high, low, rest = exact[n][order]
-                measured = np.abs(given[n][order] - high - low) + rest
-                off = _spline_error(law, order) / factor + 2 * measured  # 2: it is carried to first order
+                off = _spline_error(law, order) / factor
+                table: Any = getattr(law, "rate", law)
+                steps = np.diff(table.argument)
+                if np.max(steps) > UNEVEN * np.min(steps):
+                    bounded: Any = bounded_system(system).placed[k].constraint
+                    high, low, rest = clock.values(bounded.exact, system.unit)[n][order]
+                    off = off + 2 * (np.abs(given[n][order] - high - low) + rest)  # 2: it is carried to first order
                 # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
                 out[p.row] += off * np.maximum(1.0, np.abs(given[n][0]))
     return out
@@ -355,10 +361,11 @@ def _spline_error(law: Any, order: int) -> float:
     """Return what rounding leaves of the derivative of a spline, or of an integral of one, as `table_error` has it."""
     table = getattr(law, "rate", law)
     size, steps = np.max(np.abs(table.value)), np.diff(table.argument)
-    if table is law or order:
-        return float(32 * U * size / np.min(steps) ** (order if table is law else order - 1))
+    of_table = order if table is law else order - 1
+    if of_table >= 0:
+        return float(SOME[of_table] * U * size / np.min(steps) ** of_table)
     areas = np.abs(law(np.array(table.argument)) - law.initial)
-    return float(32 * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
+    return float(SOME[0] * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
 
 
 def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:

@@ -98,7 +98,8 @@ class Cam(BetweenPoints):
 
     a polar profile two and one more coordinate, the contact parameter s, with u(s) = d(s) (cos s, sin s) and the
     contact tangent t = du/ds of the source; `contact_kinematics` has the rows. `contact_estimate` is s at the first
-    time, if it matters which of several contacts is meant: by default the nearest to the estimated pose.
+    time, if it matters which of several contacts is meant: by default the nearest to the estimated pose. Whether
+    another part of a hollow profile stands through the follower is not looked at.
     """
 
     profile: AnyProfile

@@ -330,14 +330,14 @@ def test_what_a_night_counts_is_what_its_report_counts(tmp_path, nightly):
 
 
 def test_a_log_shows_no_bar(tmp_path, nightly):
-    process = nightly(tmp_path, "--engines", "closed_form", scenes=2)
+    process = nightly(tmp_path / "out", "--engines", "closed_form", scenes=2)
 
     assert process.stderr.splitlines() == [
         "measuring pictures and documents",
         "2 scenes checked, 0 new and 0 known disagreements",
         "note: no engine was asked: compared are our own sources alone",
         "pass: Every compared answer is within its derived budget, known gaps aside",
-        f"report: {tmp_path / 'index.html'}",
+        f"report: {tmp_path / 'out' / 'index.html'}",
     ]
 
 

@@ -177,8 +177,8 @@ def test_a_night_counts_keeps_and_calls_new_what_its_records_hold(night, tmp_pat
 
 
 def test_our_own_gaps_are_looked_for_where_another_table_was_chosen(night, tmp_path):
-    own = known_gaps.read()
     outcome, *_ = night()
+    own = [gap for gap in known_gaps.read() if gap.engine == "mujoco"]
     met = replace(typed(record("x")), disagreements=[JUMP])
     number = 1 + [d.scene for _, d in read_records(tmp_path / "out" / "records.jsonl")].index(f"scene {GONE_OVER}")
 

@@ -191,7 +191,8 @@ def b4(n: Arithmetic, given: Given) -> Values:
         return {}
     fine, coarse = (_cycle(given, int(step)) for step in (given["step"], given["coarse step"]))
     return {
-        "most iterations": [max(r.iterations for r in cycle) for cycle in (fine, coarse)],
+        "most iterations in small steps": max(r.iterations for r in fine),
+        "most iterations in large steps": max(r.iterations for r in coarse),
         "assembly at the end": [_assembly(cycle[-1].q) for cycle in (fine, coarse)],
     }
 
