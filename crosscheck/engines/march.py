@@ -404,13 +404,14 @@ def _way(
         now = float(last.t[0])
         if not failed:
             step = max(min(step, (1.0 - LEFT_OVER) * (end - now)), 2.0 * smallest)
-        target = min(next(stop for stop in stops if stop > now), now + step)
+        stop = next(stop for stop in stops if stop > now)
+        target = stop if now + (1.0 + LEFT_OVER) * step >= stop else now + step  # a cubic asks for poses that are apart
         pose, joined = yield _ahead(before, last, math.inf if failed else end, target, curved), target, last
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
             before, last, step, failed = last, pose, step if failed else 2.0 * step, False
-            end = _end(before, last)
+            end = math.inf if float(before.t[0]) in stops else _end(before, last)  # from rest all rates grow
         else:
             step, failed = 0.5 * (target - now), True
             if step < smallest or (joined and step < ended):

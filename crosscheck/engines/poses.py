@@ -248,14 +248,18 @@ def largest(values: Array) -> Array:
 
 
 def extrema(laws: Sequence[Any], times: Array) -> Array:
-    """Return where laws turn back between times, in order: in each step where a law is highest, and where lowest."""
+    """Return where laws turn back between times, in order: in each step where a law is highest, and where lowest.
+
+    And a time between these two: a step from rest to rest says nothing of how fast it is.
+    """
     found = set[float]()
     for law in laws:
         turns = _turns(law, float(times[0]), float(times[-1]))
-        values = [law(t) for t in turns]
+        values = law(np.array(turns)).tolist() if turns else []
         for _, own in groupby(range(len(turns)), key=times.searchsorted(turns).tolist().__getitem__):
             inside = list(own)
-            found.update(turns[pick(inside, key=values.__getitem__)] for pick in (min, max))
+            low, high = (turns[pick(inside, key=values.__getitem__)] for pick in (min, max))
+            found.update((low, 0.5 * (low + high), high))
     return np.array(sorted(found.difference(times.tolist())))
 
 

@@ -209,6 +209,17 @@ def test_a_motion_does_not_pass_over_what_its_law_does_between_two_times(engine,
     assert (status[0], status[1] is Status.OK) == (Status.OK, most < 1.01)
 
 
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn"])
+@pytest.mark.parametrize("frequency", [20.0, 60.0])
+def test_a_law_that_swings_between_times_is_followed(engine, frequency) -> None:
+    """From rest to rest, and from a pose that is not apart from the next turn, no step told how it goes on."""
+    law = Sinusoid(amplitude=0.5, angular_frequency=frequency, offset=1.0)
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    scene = linkage.scene(law=law, times=tuple(np.linspace(0.0, 5.0, 20).tolist()))
+
+    assert set(load(engine).solve(scene).status) == {OK}
+
+
 def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shows that the test before can fail: Newton from the prediction alone lands on the lower branch."""
     monkeypatch.setattr(continuation, "NEAR", math.inf)
