@@ -67,24 +67,21 @@ PATHS = ("--out", "--night", "--history", "--baseline", "--csv")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
-    with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(_aside()):
+    aside = Printable(_open(sys.stderr), BAR, aside=True)
+    with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(aside):
         code = _run(arguments)
-    lost, _ = (0 if stream is None else _unread(stream) for stream in (sys.stdout, sys.stderr))
+    lost, _ = (0 if stream is None else _lost(stream) for stream in (sys.stdout, sys.stderr))
     sys.exit(lost or code)
 
 
-def _unread(stream: TextIO) -> int:
+def _lost(stream: TextIO) -> int:
     """Return the exit code, if what a stream still holds cannot be written; the stream keeps nothing then."""
     try:
         stream.flush()
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # or Python would end with 120
-        return UNREAD if isinstance(error, BrokenPipeError) else INFRASTRUCTURE
+        return UNREAD if isinstance(error, BrokenPipeError) else _ended(error, INFRASTRUCTURE)
     return 0
-
-
-def _aside() -> Printable:
-    return Printable(_open(sys.stderr), BAR, aside=True)
 
 
 def _open(stream: TextIO | None) -> TextIO:

@@ -91,7 +91,7 @@ def console(width: int | None, stderr: bool = False) -> Console:
             return super().render_str(printable(text), **more)
 
         def on_broken_pipe(self) -> None:
-            raise
+            raise  # as any other print does, and not SystemExit(1), which says that something is wrong
 
     stream = sys.stderr if stderr else sys.stdout
     return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)

@@ -49,10 +49,10 @@ SAFETY = 4.0
 BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
-SOME, UNEVEN = (64.0, 96.0, 160.0), 2.0
+SOME, UNEVEN = (112.0, 112.0, 288.0), 4.0
 """Of a spline's value and derivatives, where no step is more than so many times another. 32 are two roundings of a
-difference, a factor 3 for the solve, 4 terms of the cubic, rounded up; the worst that was searched for was 1.8, 2.3 and
-4.2 times as much."""
+difference, a factor 3 for the solve, 4 terms of the cubic, rounded up; the worst that was searched for was 3.4, 3.4 and
+8.1 times as much."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from crosscheck.judge.known_gaps import HardOutcome
+from crosscheck.judge.known_gaps import HardOutcome, unexplained
 from crosscheck.judge.prices import SUFFIX, Offer, offers
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.prices import main_class
@@ -168,7 +168,7 @@ def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -
     if ended:
         parts.append(f"no answer, as it crashed or hung, at {len(ended)} kinds of hard cases")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
-    seriousness = "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
+    seriousness = "bad" if new or unexplained(cases) or any(row["class"] in SERIOUS for row in wrong) else "gap"
     nowhere = _nowhere(report, cases) if made.get("scenes") else "no answer in any scene"
     return {"silent": "; ".join(parts), "silent_class": seriousness, "nowhere": nowhere}
 

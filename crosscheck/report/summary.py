@@ -231,7 +231,7 @@ class Summary:
 
     def _notes(self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str]) -> list[str]:
         notes = [f"{name} answered no scene" for name in engines if name not in answering]
-        if not {*engines} - {ALWAYS, *SAMPLED}:
+        if answering and not {*engines} - {ALWAYS, *SAMPLED}:
             notes.append("no engine was asked: compared are our own sources alone")
         for engine, seen in sorted(self.versions.items()):
             if engine in versions and set(seen) != {versions[engine]}:

@@ -211,6 +211,15 @@ def test_a_night_that_was_carried_out_stays_as_it_is_where_a_required_engine_is_
     assert {path: path.read_bytes() for path in kept} == kept
 
 
+def test_two_nights_of_one_minute_and_seed_are_both_in_the_history(tmp_path, nightly, command):
+    """The second one took the place of the first, which was red."""
+    nightly(tmp_path / "one", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
+    nightly(tmp_path / "two", "--engines", "closed_form", scenes=1)
+    said = json.loads(command("history", "--history", tmp_path / "history.sqlite", "--json").stdout)
+
+    assert [night["verdict"] for night in said["nights"]] == ["new disagreements", "pass"]
+
+
 def test_a_night_without_engines_says_that_it_compares_nothing_but_our_own(tmp_path, nightly):
     process = nightly(tmp_path, "--engines", "", scenes=1)
 

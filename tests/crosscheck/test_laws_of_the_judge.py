@@ -203,7 +203,7 @@ def off_the_exact(law, times, order):
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
-    table = Table(argument=(0.0, 0.5, 0.75, 1.25), value=(0.3, -2.5, 0.2, 0.1))
+    table = Table(argument=(0.0, 0.5, 0.75, 1.5), value=(0.3, -2.5, 0.2, 0.1))
     mechanism = LINKAGE.scene(law=table, times=(0.2, 0.75)).mechanism
     system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.75])
     (row,) = (p.row for p in system.placed if p.constraint.laws)

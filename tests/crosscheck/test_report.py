@@ -318,6 +318,7 @@ def test_what_no_finding_explains_at_hard_cases_is_part_of_the_verdict(tmp_path:
     assert report["verdict"] == "new disagreements"
     assert report["why"] == "No finding explains what is wrong, or ended, at hard cases: mujoco 2"
     assert "no answer, as it crashed or hung, at 1 kinds of hard cases" in made["silent"]
+    assert made["silent_class"] == "bad"
 
 
 def test_torn_line_is_an_infrastructure_failure_with_its_line(tmp_path: Path) -> None:

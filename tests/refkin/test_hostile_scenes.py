@@ -875,17 +875,22 @@ def test_a_law_whose_small_value_is_left_of_large_ones_is_not_ok_unproved(law):
 
 ISOSCELES = refkin.SliderCrank(crank=0.2, rod=0.2, offset=0.0)
 CROSSINGS = {
-    "isosceles": (ISOSCELES, math.pi / 2, (1.0, -1.0, 0.0)),
-    "parallelogram": (refkin.FourBar(ground=4.0, crank=1.0, coupler=4.0, rocker=1.0), math.pi, (1.0, 0.0, 1.0)),
+    "isosceles": (ISOSCELES, math.pi / 2, (1.0, -1.0, 0.0), ((0.0, -0.1),) * 2 + ((0.0, 0.0),)),
+    "parallelogram": (
+        refkin.FourBar(ground=4.0, crank=1.0, coupler=4.0, rocker=1.0),
+        math.pi,
+        (1.0, 0.0, 1.0),
+        ((0.5, 0), (1, 0), (0.5, 0)),
+    ),
 }
-"""Where two motions cross, but for the rounding of an angle: a linkage, the angle, the rates of all angles there."""
+"""Where two motions cross, but for the rounding of an angle: a linkage, the angle, rates, pulls of places."""
 
 
-@pytest.mark.parametrize(("linkage", "angle", "rates"), CROSSINGS.values(), ids=CROSSINGS)
+@pytest.mark.parametrize(("linkage", "angle", "rates", "pulls"), CROSSINGS.values(), ids=CROSSINGS)
 @pytest.mark.parametrize("speed", [1.0, 1e-3, 150.0])
 @pytest.mark.parametrize("evidence", [True, False])
 def test_a_pose_that_rounding_alone_keeps_from_being_singular_is_ok_with_its_true_rates(
-    linkage, angle, rates, speed, evidence
+    linkage, angle, rates, pulls, speed, evidence
 ):
     """113 bits say where it is, and nothing of its rates: -1.16 rad/s where -1 is right was ok, and -1e15 m/s^2."""
     at = linkage.scene(law=Polynomial(coefficients=(angle, speed)), times=(0.0,))
@@ -894,6 +899,7 @@ def test_a_pose_that_rounding_alone_keeps_from_being_singular_is_ok_with_its_tru
     assert motion.status == (OK,)
     assert motion.qd[2::3, 0] / speed == pytest.approx(rates, abs=1e-15)
     assert motion.qdd[2::3, 0] / speed**2 == pytest.approx(np.zeros(3), abs=1e-15)
+    assert np.delete(motion.qdd[:, 0], [2, 5, 8]) / speed**2 == pytest.approx(np.ravel(pulls), abs=1e-15)
 
 
 def test_a_pose_whose_rates_no_precision_tells_is_not_ok(monkeypatch):

@@ -9,8 +9,8 @@ phi(q, t), both over the whole line. So with, in the norm |y| = max_k |y_k| / w_
 where in eta phi_q may as well be that at t itself, if y goes along the line first and then t on. In space the rows of
 an angle have its law in phi_q: Z is over all times |s| <= h, too. Then eta + 2 Z w <= 2 w proves: at every time
 |s| <= h exactly one root lies within 2 w of c(s), and phi_q is regular there. By the implicit function theorem these
-roots are one smooth motion q(t). Two poses that both lie in a tube, each at its
-time, are therefore poses of one motion: no branch was changed between them.
+roots are one smooth motion q(t). Two poses that both lie in a tube, each at its time, are therefore poses of one
+motion: no branch was changed between them.
 
 `Tubes` tries many lines at once, in float64, with every rounding bounded; the laws of motion are enclosed over their
 intervals of time in balls. `ConnectionProof` does the same in balls, one step after another.
