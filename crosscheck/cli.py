@@ -16,7 +16,7 @@ from typing import TextIO
 
 import cyclopts
 
-from crosscheck.commands.usage import BAR, Printable
+from crosscheck.commands.usage import BAR, Printable, keep_nothing
 from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, UNREAD, USAGE, CannotRun, UsageError
 from refkin import __version__
 from refkin.errors import InvalidScene
@@ -70,16 +70,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     aside = Printable(_open(sys.stderr), BAR, aside=True)
     with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(aside):
         code = _run(arguments)
-    lost, _ = (0 if stream is None else _lost(stream) for stream in (sys.stdout, sys.stderr))
-    sys.exit(lost or code)
+    sys.exit(_lost(sys.stdout) or code)
 
 
-def _lost(stream: TextIO) -> int:
+def _lost(stream: TextIO | None) -> int:
     """Return the exit code, if what a stream still holds cannot be written; the stream keeps nothing then."""
+    if stream is None:
+        return 0
     try:
         stream.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # or Python would end with 120
+        keep_nothing(stream)
         return UNREAD if isinstance(error, BrokenPipeError) else _ended(error, INFRASTRUCTURE)
     return 0
 

@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -173,25 +173,39 @@ def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "\n".join([*above, *(line(cells, "│││ ") for cells in lines), line(nothing, "└┴┘─")])
 
 
+def keep_nothing(stream: TextIO) -> None:
+    """Let what a stream holds, and all that is printed to it, go nowhere: Python would end with 120 otherwise."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 class Printable:
     """A stream that lets no control character through but a terminal's colours, and what `allowed` lets besides.
 
-    If it is `aside`, what is done goes on where nobody hears it any more.
+    If it is `aside`, what is done goes on where nobody hears it any more: from then on it keeps nothing.
     """
 
     def __init__(self, stream: TextIO, allowed: re.Pattern[str] = COLOUR, *, aside: bool = False) -> None:
         self._stream, self._allowed = stream, allowed
-        self._heard = suppress(BrokenPipeError) if aside else nullcontext()
+        self._aside = aside
 
     def write(self, text: str) -> int:
         parts = self._allowed.split(text) if self._stream.isatty() else [text]
-        with self._heard:
+        with self._unheard():
             self._stream.write("".join(part if k % 2 else printable(part) for k, part in enumerate(parts)))
         return len(text)
 
     def flush(self) -> None:
-        with self._heard:
+        with self._unheard():
             self._stream.flush()
+
+    @contextmanager
+    def _unheard(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            if not self._aside:
+                raise
+            keep_nothing(self._stream)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

@@ -49,10 +49,10 @@ SAFETY = 4.0
 BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
-SOME, UNEVEN = (112.0, 112.0, 288.0), 4.0
-"""Of a spline's value and derivatives, where no step is more than so many times another. 32 are two roundings of a
-difference, a factor 3 for the solve, 4 terms of the cubic, rounded up; the worst that was searched for was 3.4, 3.4 and
-8.1 times as much."""
+SOME, UNEVEN = 32.0, 4.0
+"""Of a spline and its derivatives, where no step is more than so many times another: two roundings of a difference, a
+factor 3 for the solve, 4 terms of the cubic, rounded up. The worst tables that were searched for have 3.4, 3.4 and 8.1
+times as much in value and derivatives; the whole budget was seen to bear the last."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 
@@ -363,9 +363,9 @@ def _spline_error(law: Any, order: int) -> float:
     size, steps = np.max(np.abs(table.value)), np.diff(table.argument)
     of_table = order if table is law else order - 1
     if of_table >= 0:
-        return float(SOME[of_table] * U * size / np.min(steps) ** of_table)
+        return float(SOME * U * size / np.min(steps) ** of_table)
     areas = np.abs(law(np.array(table.argument)) - law.initial)
-    return float(SOME[0] * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
+    return float(SOME * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
 
 
 def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:

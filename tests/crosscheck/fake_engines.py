@@ -111,13 +111,14 @@ def crosscheck(*arguments: Any, env: Mapping[str, str] | None = None) -> subproc
 
 
 def hear_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def start(*arguments: Any) -> subprocess.Popen[str]:
     """Start the command line in a group of its own that hears Ctrl-C, as a terminal does.
 
-    A suite that was itself started in the background ignores Ctrl-C and would hand that on.
+    A suite that was itself started in the background, or by `nohup`, ignores such signals and would hand that on.
     """
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": hear_interrupts}
     return subprocess.Popen(command(*arguments), start_new_session=True, **streams)  # type: ignore[call-overload, no-any-return]

@@ -208,7 +208,7 @@ def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
     system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.75])
     (row,) = (p.row for p in system.placed if p.constraint.laws)
     off = table_error(system, Times(t, order), order)
-    assert off[row] / (SOME[order] * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
+    assert off[row] / (SOME * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
     assert not np.delete(off, row, axis=0).any()
 
 
