@@ -202,7 +202,9 @@ def _choice(
     why = f"an estimate beyond all digits for {', '.join(far)}" if far and not absent else why
     if nearest == len(search.poses):
         return poses[nearest], f"{why}: Newton's, {f'nearer than {others} others' if others else 'the only one'} found"
-    which = f"assembly {nearest + 1} of {max(len(search.poses), others + 1)}{'' if search.complete else ' found'}"
+    many = max(len(search.poses), others + 1)
+    which = f"assembly {nearest + 1} of {many}" if many > 1 else "the only assembly"
+    which += "" if search.complete else " found"
     mode = f", mode {search.branches[nearest]}" if search.branches[nearest] else ""
     return poses[nearest], f"{why}: {which}{mode}"
 
