@@ -117,7 +117,19 @@ SAID = {
     "a cause that does not explain": (replace(ROWS["A3"], errata=CAUSED), ""),
     "a claim that nothing shows": (
         replace(ROWS["D9"], errata=tuple(replace(e, shown_by="nothing") for e in ROWS["D9"].errata)),
-        "",
+        "erratum nothing: nothing shows it",
+    ),
+    "a claim that is right": (
+        replace(ROWS["D9"], errata=tuple(replace(e, claimed=2) for e in ROWS["D9"].errata)),
+        "erratum rank: 2 is claimed, and right by ",
+    ),
+    "a formula that is right": (
+        replace(ROWS["D7"], errata=tuple(replace(e, claimed="-0.1255") for e in ROWS["D7"].errata)),
+        "erratum with three terms: -0.1255 is claimed, and right by ",
+    ),
+    "a claim of nothing": (
+        replace(ROWS["D9"], errata=tuple(replace(e, claimed=None) for e in ROWS["D9"].errata)),
+        "erratum rank: nothing shows it",
     ),
     "an open row that is wrong": (changed("D2", "mobility by count", truth=3), ""),
 }

@@ -176,10 +176,22 @@ def _erratum(erratum: Erratum, rows: list[dict[str, Any]], sources: Sources) -> 
             failures += _explained(by_name.get(path, {}).get("printed") or "", other, sources)
     if erratum.kind in ("wrong", "truncated") and not erratum.at:
         failures.append(f"erratum {where}: names no printed number")
-    if erratum.kind in ("formula", "claim") and not any(t["name"].partition("[")[0] == erratum.shown_by for t in rows):
-        failures.append(f"erratum {where}: nothing shows it")
-    keys = ("kind", "cause", "explained_by", "shown_by", "counts", "reading")
+    if erratum.kind in ("formula", "claim"):
+        failures += _refuted(erratum, where, sources)
+    keys = ("kind", "cause", "explained_by", "shown_by", "claimed", "counts", "reading")
     return {"at": list(erratum.at), **{key: _plain(getattr(erratum, key)) for key in keys}, "failures": failures}
+
+
+def _refuted(erratum: Erratum, where: str, sources: Sources) -> list[str]:
+    """Return why a formula or a claim is not shown to be wrong: nobody computes what shows it, or it is as claimed."""
+    path, claimed = erratum.shown_by, erratum.claimed
+    if claimed is None or not any(path in values for values in sources.values()):
+        return [f"erratum {where}: nothing shows it"]
+    stated = Value(name=path, truth=claimed)
+    right = [
+        s for s, values in sources.items() if path in values and not _compared(stated, claimed, values[path], s, None)
+    ]
+    return [f"erratum {where}: {claimed} is claimed, and right by {', '.join(right)}"] if right else []
 
 
 def _explained(printed: str, path: str, sources: Sources) -> list[str]:

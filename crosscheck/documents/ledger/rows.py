@@ -117,9 +117,10 @@ class Erratum(_StrictRow):
     """What is wrong in a document.
 
     The printed numbers `at`, such as "f'[1]" or "q[2][0]", are "wrong" or "truncated"; for each of them `explained_by`
-    may have the number that stands there instead, which the document took for the right one. The row's quantity
-    `shown_by` shows a "formula" or a "claim" to be wrong. `counts` is how many of the errata of the documents this is,
-    0 for a remark; `reading` is set if the page may have been read wrongly: what it may say instead.
+    may have the number that stands there instead, which the document took for the right one. A "formula" or a "claim"
+    is shown to be wrong by a number of the row, `shown_by`: were it right, that would be what is `claimed`. `counts` is
+    how many of the errata of the documents this is, 0 for a remark; `reading` is set if the page may have been read
+    wrongly: what it may say instead.
     """
 
     kind: Literal["wrong", "truncated", "formula", "claim", "notation"]
@@ -127,6 +128,7 @@ class Erratum(_StrictRow):
     at: tuple[str, ...] = ()
     explained_by: tuple[str, ...] = ()
     shown_by: str = ""
+    claimed: Tree = None
     counts: int = 1
     reading: str = ""
 
