@@ -55,8 +55,9 @@ class Documented:
 
 DOCUMENTED: Mapping[tuple[str, str], Documented] = {
     ("exudyn", "stopping rule"): Documented(
-        # Of a residual of up to forty sizes or radians; its norm takes metres for radians, and radians for metres.
-        lambda scene: 4e-7 * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
+        # Of a residual of up to forty sizes or radians, or of what drivers may ask for at once; its norm takes metres
+        # for radians, and radians for metres.
+        lambda scene: 1e-8 * max(40.0, 4.0 * _reach(scene)) * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
         "relative tolerance of residual for Newton (general goal of Newton is to decrease the residual by this factor)",
         "exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8",
     ),
@@ -277,11 +278,14 @@ def _so_small(absolute: float, most: float, scene: Scene) -> bool:
     """Return whether an error of a residual is at most so large, or rounding of it: of as many turns as drivers go."""
     if absolute <= most:
         return True
-    turns, t, unit = 1.0, np.array(scene.times), scene.mechanism.unit()
-    for driver in scene.mechanism.drivers:
-        _, factor = driver.law_scale(unit)
-        turns = max(turns, *(float(np.max(np.abs(law(t, 0)))) / factor / math.tau for law in driver.laws))
-    return absolute <= turns * ABSOLUTE  # what is documented grows with no turn
+    return absolute <= max(1.0, _reach(scene) / math.tau) * ABSOLUTE  # what is documented grows with no turn
+
+
+def _reach(scene: Scene) -> float:
+    """Return how far drivers go [sizes or rad]."""
+    t, unit, given = np.array(scene.times), scene.mechanism.unit(), scene.mechanism.drivers
+    reach = [np.max(np.abs(law(t, 0))) / driver.law_scale(unit)[1] for driver in given for law in driver.laws]
+    return float(max(reach, default=0.0))
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

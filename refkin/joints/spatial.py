@@ -249,7 +249,7 @@ class Screw(OfLines):
         return 1
 
     def reach(self) -> float:
-        return abs(self.pitch)
+        return max(abs(self.pitch), abs(self.shift))
 
     def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
         return ()

@@ -64,6 +64,16 @@ def test_the_angle_of_a_crank_runs_on_without_a_jump(engine):
 
 
 @pytest.mark.parametrize("turns", [1, -3])
+@pytest.mark.parametrize("case", [four_bar(), CASES["inverted slider-crank"]()], ids=["four-bar", "inverted"])
+def test_a_law_may_begin_whole_turns_from_where_estimates_show_its_pose(engine, case, turns):
+    """From estimates a turn away Newton went to the other assembly, and called it ok."""
+    scene = remade(turned_on(case, turns), bodies=case.scene.mechanism.bodies).scene
+
+    assert engine.solve(scene).verdict is Status.OK
+    assert check(scene, [engine]).disagreements == []
+
+
+@pytest.mark.parametrize("turns", [1, -3])
 def test_turns_of_the_estimate_of_one_body_are_kept(engine, turns):
     case = four_bar()
     *others, rocker = case.scene.mechanism.bodies

@@ -216,6 +216,15 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     assert [item for item in record.disagreements if item.method == SHIPPED.name] == []
 
 
+@pytest.mark.parametrize(
+    ("name", "asked"), [("steps-of-200-rad.toml", [STATIC]), ("slider-in-steps-of-a-kilometre.toml", [STATIC, SHIPPED])]
+)
+def test_steps_may_be_of_any_size(name: str, asked: list[Any]) -> None:
+    record = check(refkin.load(Path(__file__).parents[1] / "corpus" / name), ["exudyn"])
+
+    assert [str(item) for item in record.disagreements if item.method in {route.name for route in asked}] == []
+
+
 def test_a_pose_at_a_fold_is_corrected_until_little_of_its_residual_is_left() -> None:
     """Corrected once, it was off by 1.02 times the allowed error."""
     record = check(refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-corrected-at-a-fold.toml"), ["exudyn"])

@@ -288,9 +288,13 @@ def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:
         assert not {Status.OK, Status.SINGULAR} & {s for s, absent in zip(answer.status, proved, strict=True) if absent}
 
 
+FOUND = ("space-estimate-a-turn-away.toml", "space-hinge-far-out.toml", "space-screw-of-small-pitch.toml")
+
+
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "closed_form"])
-def test_an_estimate_whole_turns_away_from_the_law_is_the_same_estimate(engine: str) -> None:
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-estimate-a-turn-away.toml")
+@pytest.mark.parametrize("name", FOUND)
+def test_a_scene_in_which_engines_were_wronged_is_answered_right(engine: str, name: str) -> None:
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / name)
 
     assert [str(seen) for seen in check(scene, [engine]).disagreements] == []
 

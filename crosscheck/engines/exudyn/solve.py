@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError, Term
+from crosscheck.engines.estimates import as_driven
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, largest_of, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import MarchResult, march, march_of
-from crosscheck.engines.poses import EPS, Poses, close, largest, solve, with_velocities
+from crosscheck.engines.poses import EPS, TRUST, Poses, close, largest, solve, with_velocities
 from crosscheck.scenes.names import order_of
-from refkin.joints import RelativeAngle, Unit, elements_of
+from refkin.joints import Unit, elements_of
 from refkin.model import Point, Scene
 from refkin.motion import Status
 
@@ -60,11 +61,11 @@ class StaticNewton:
         model.set_state(start, t)
         extent = max(1.0, largest_of(start))
         for tolerance in TOLERANCES:
-            done, self.rows = model.newton(tolerance * extent), model.left()
+            done, self.rows = model.newton(tolerance), model.left()
             left = largest_of(self.rows)
-            if done:
+            if done or left <= tolerance * extent:  # that far away rounding leaves more, and rows of angles go on down
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
-                return q if left <= SETTLED else self._corrected(q, left, tolerance * extent)
+                return self._corrected(q, left, tolerance) if done and left > SETTLED else q
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
@@ -128,7 +129,7 @@ class OwnSolver:
     """
 
     predicts = together = True
-    furthest = math.inf
+    furthest = TRUST
 
     def __init__(self, model: ExudynSystem, *shape: int) -> None:
         self.system, self.shape = model, shape
@@ -252,7 +253,8 @@ class ExudynEquations(OwnSolver):
         gap, accepted = largest_of(self.model.squared(rows) * self._weights), self.solver.accepted
         if gap > accepted and not gap <= accepted * largest_of(q / self.column_scale):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
-        for held, _, off in self._turned(q):
+        for held, i, j in self.slides:
+            off = (0.0 if j is None else q[j]) - (0.0 if i is None else q[i]) - held.angle
             if abs(off) > 1.0:
                 raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
         return q, gap, jacobian
@@ -265,25 +267,9 @@ class ExudynEquations(OwnSolver):
         poses, jacobians, residuals = super()._joined(solved)
         return poses / self.column_scale, jacobians[:, self._live] * self._scale, residuals
 
-    def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
-        """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
-        return [
-            (held, j, (0.0 if j is None else q[j]) - (0.0 if i is None else q[i]) - held.angle)
-            for held, i, j in self.slides
-        ]
-
-    def _on_the_turn_meant(self, start: Array) -> Array:
-        """Return the estimate without whole turns of body j on a slider: exudyn's sine is blind to them."""
-        start = start.copy()
-        for k in range(len(self.slides)):
-            _, column, off = self._turned(start)[k]
-            if column is not None:
-                start[column] -= math.tau * round(off / math.tau)
-        return start
-
     def march(self, start: Array, times: Sequence[float], order: int) -> MarchResult:
         """Return the motion in the model's unit, from an estimate of the first pose in it."""
-        poses = self.motion(self._on_the_turn_meant(start / self.column_scale), times, order)
+        poses = self.motion(start / self.column_scale, times, order)
         return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))
 
 
@@ -295,9 +281,9 @@ def refuse_without_estimates(scene: Scene) -> None:
 
 
 def start_of(scene: Scene, unit: Unit) -> Array:
-    """Return the estimates of all bodies (3 b,) in a unit; EngineError if there is none of one."""
+    """Return the estimates of all bodies (3 b,) in a unit, as drivers begin; EngineError if there is none of one."""
     refuse_without_estimates(scene)
-    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
+    start = np.array([body.estimate for body in as_driven(scene).bodies], float)
     start[:, :2] = (start[:, :2] - unit.origin) / unit.size
     return start.ravel()
 

@@ -78,8 +78,6 @@ class SpaceEquations(OwnSolver):
     keeps its Euler parameters at length 1. exudyn has rows at that length alone.
     """
 
-    furthest = 0.25
-
     def __init__(self, model: ExudynSpace, tolerances: Sequence[float], *, shipped: bool) -> None:
         numbers = model.numbers
         self.accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
@@ -151,9 +149,12 @@ class SpaceEquations(OwnSolver):
         extent = max(1.0, np.abs(start).max())
         for tolerance in self.tolerances:
             self.model.set_state(start, t)
-            if self.model.newton(tolerance * extent):
-                return self._corrected(t, self.model.coordinates(), tolerance * extent)
-            if not np.abs(self.model.left()).max() < STALLED * extent:  # gone astray: so it would for the next one
+            if self.model.newton(tolerance):
+                return self._corrected(t, self.model.coordinates(), tolerance)
+            left = np.abs(self.model.left()).max()
+            if left <= tolerance * extent:  # what rounding leaves that far away, where rows of angles go further down
+                return self.model.coordinates()
+            if not left < STALLED * extent:  # gone astray: so it would for the next one
                 break
         raise EngineError("its Newton did not converge")
 

@@ -30,6 +30,7 @@ from crosscheck.engines import (
     refused,
     route_by,
 )
+from crosscheck.engines.estimates import as_driven
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.features import EFFECTS, FEATURES, SITES, SPARSE, Sites, SparseNewton, affected
 from crosscheck.engines.mujoco.model import Plan, mujoco
@@ -189,7 +190,7 @@ class Mujoco(TreeAdapter):
         if in_space(scene.mechanism):
             own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
             return SpaceMotion(scene, MujocoSpace, producer, own)
-        tree = joint_tree(scene.mechanism)
+        tree = joint_tree(as_driven(scene))
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
         closing = stepped(tree) if route == STEPPED else None
         departing = SparseNewton(scene.mechanism).departure if route == SPARSE else None

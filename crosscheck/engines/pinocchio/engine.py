@@ -29,6 +29,7 @@ from crosscheck.engines import (
     refused,
     route_by,
 )
+from crosscheck.engines.estimates import as_driven
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.features import EFFECTS, FEATURES, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.model import Points, tree_model
@@ -144,7 +145,7 @@ class Pinocchio(TreeAdapter):
         if in_space(scene.mechanism):
             own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
             return SpaceMotion(scene, PinocchioSpace, producer, own)
-        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
+        tree = PinocchioTree(joint_tree(as_driven(scene), massless_links=True), self.effect)
         closing = closed_chain(tree.tree) if route == CLOSED_CHAIN else None
         forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
         return TreeMotion(tree, scene, producer, closing, forward)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, in_space, refusals, refuse
+from crosscheck.engines.estimates import as_driven
 from crosscheck.engines.march import MarchResult, hermite
 from crosscheck.engines.methods import Batch, Method, Model, Use, one_by_one, priced
 from crosscheck.engines.poses import Equations, close, largest, solve
@@ -49,7 +50,7 @@ class Tree:
     def of(cls, adapter: Engine, build: Callable[[Mechanism], TreeEngine], scene: Scene) -> Tree:
         """Return a scene as the tree an engine builds; EngineError if it refuses a joint, or a body has no estimate."""
         refuse(refusals(adapter, scene, Level.SOLVE))
-        engine = build(scene.mechanism)
+        engine = build(as_driven(scene))
         tree = cls(scene, engine, TreeSystem(engine))
         tree.system.tree.start()
         return tree

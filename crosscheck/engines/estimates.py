@@ -1,0 +1,38 @@
+"""The estimates of a scene of the plane, in the turns in which its drivers begin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from crosscheck.engines import in_space
+from refkin.joints import GROUND, RelativeAngle, elements_of
+from refkin.model import Mechanism, Scene
+
+
+def as_driven(scene: Scene) -> Mechanism:
+    """Return a scene's mechanism with whole turns added to estimates, as its drivers and fixed angles ask for.
+
+    A law may begin whole turns from where an estimate shows the same pose: from there Newton would go anywhere. Bodies
+    whose angles nothing gives stay as they are, and so does a mechanism of space, whose estimates have no turns.
+    """
+    m, t = scene.mechanism, scene.times[0]
+    if in_space(m):
+        return m
+    shown = {body.name: body.estimate[2] for body in m.bodies if body.estimate is not None}
+    angles = {GROUND: 0.0}
+    given = [e for e in elements_of(m.constraints) if isinstance(e, RelativeAngle) and {*e.bodies} <= {GROUND, *shown}]
+    while given:
+        e = next((e for e in given if not angles.keys().isdisjoint(e.bodies)), given[0])
+        given.remove(e)
+        (i, j), turn = e.bodies, float(e.laws[0](t, 0)) if e.laws else e.angle
+        if i not in angles and j in angles:
+            i, j, turn = j, i, -turn
+        angles.setdefault(i, shown.get(i, 0.0))
+        if j not in angles:
+            angles[j] = shown[j] + math.tau * round((angles[i] + turn - shown[j]) / math.tau)
+    moved = {name: angle for name, angle in angles.items() if name != GROUND and angle != shown[name]}
+    if not moved:
+        return m
+    bodies = (replace(b, estimate=(*b.estimate[:2], moved[b.name])) if b.name in moved else b for b in m.bodies)
+    return replace(m, bodies=tuple(bodies))
