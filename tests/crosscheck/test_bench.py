@@ -17,7 +17,6 @@ import pytest
 from rich.console import Console
 
 import refkin
-from crosscheck.cli import main
 from crosscheck.commands.bench import print_results
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Use, methods
@@ -432,12 +431,11 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     assert claim in text
 
 
-def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["bench", "--only", "chain-10", "--json"])
-    out = json.loads(capsys.readouterr().out)
+def test_the_command_prints_one_json_object_measured_on_one_thread(command):
+    told = command("bench", "--only", "chain-10", "--json")
+    out = json.loads(told.stdout)
 
-    assert end.value.code == 0
+    assert told.returncode == 0
     assert set(out) == {"schema", "rows", "absent", "versions", "machine"}
     assert {entry["workload"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
     assert out["machine"]["threads"] == "1"
@@ -448,17 +446,16 @@ def out_of_order(asked: object) -> None:
     os._exit(3)
 
 
-def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch, caplog):
+def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(command, monkeypatch, caplog):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
     monkeypatch.setattr(measure, "measured_by_name", out_of_order)
     monkeypatch.setattr(limits, "LOOK", 0.005)
     monkeypatch.setattr(limits, "LONG", 0.01)
     monkeypatch.setattr(limits, "_WATCH", limits._Watch())  # that of another test sleeps as long as it was told
-    with pytest.raises(SystemExit) as end:
-        main(["bench", "--only", "chain-10", "--json"])
+    told = command("bench", "--only", "chain-10", "--json")
 
-    assert end.value.code == 4
-    assert "chain-10: its process ended: exit code 3" in capsys.readouterr().err
+    assert told.returncode == 4
+    assert "chain-10: its process ended: exit code 3" in told.stderr
     assert caplog.messages[0].startswith("measuring chain-10: ")
 
 
@@ -507,12 +504,11 @@ def test_what_fails_only_beside_others_costs_no_row_of_theirs(fails, monkeypatch
     assert fails == "all" or part["absent"][0]["reason"] == "beside others: its process ended: SIGSEGV"
 
 
-def test_a_workload_nobody_has_heard_of_is_a_usage_error(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["bench", "--only", "sweep-12"])
+def test_a_workload_nobody_has_heard_of_is_a_usage_error(command):
+    told = command("bench", "--only", "sweep-12")
 
-    assert end.value.code == 2
-    assert "no workload is called 'sweep-12'; there are: sweep-1000, many-10000x360" in capsys.readouterr().err
+    assert told.returncode == 2
+    assert "no workload is called 'sweep-12'; there are: sweep-1000, many-10000x360" in told.stderr
 
 
 RESULTS = sorted((Path(__file__).parents[2] / "reports").glob("bench-*.json"))

@@ -21,10 +21,11 @@ def q_of(scene):
 
 
 @pytest.mark.parametrize("build", TOPOLOGIES)
+@pytest.mark.parametrize(("decades", "times"), [(0.0, FEW), (3.0, (0.0,))], ids=["", "lengths differ by six decades"])
 @settings(max_examples=50, deadline=None)
 @given(data=st.data())
-def test_truth_closes_every_loop_at_every_level(build, data):
-    scene = data.draw(drawings(build)).scene(FEW)
+def test_truth_closes_every_loop_at_every_level(build, decades, times, data):
+    scene = data.draw(drawings(build, spread=decades)).scene(times)
     motion = in_balls(scene).motion
     event(motion.verdict)
     assume(motion.verdict is Status.OK)
@@ -67,18 +68,6 @@ def test_rates_are_the_differences_of_positions(build, data):
 
     assert np.abs(rate.astype(float) - motion.motion.qd[:, 1]).max() <= 4 * U * np.abs(motion.motion.qd).max()
     assert np.abs(acceleration.astype(float) - motion.motion.qdd[:, 1]).max() <= 4 * U * np.abs(motion.motion.qdd).max()
-
-
-@pytest.mark.parametrize("build", TOPOLOGIES)
-@settings(max_examples=50, deadline=None)
-@given(data=st.data())
-def test_lengths_may_differ_by_six_decades(build, data):
-    scene = data.draw(drawings(build, spread=3.0)).scene(times=(0.0,))
-    motion = in_balls(scene).motion
-    event(motion.verdict)
-    assume(motion.verdict is Status.OK)
-
-    assert open_rows(scene, motion) == []
 
 
 @settings(deadline=None)

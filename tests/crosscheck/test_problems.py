@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from flint import arb
 
-from crosscheck.cli import main
 from crosscheck.commands.solve import to_json
 from crosscheck.engines.mujoco.model import mujoco
 from crosscheck.errors import CannotRun
@@ -207,27 +206,26 @@ NO_ANSWERS = ([], 3, None, {}, {"problems": 3}, {"problems": {"four-bars-01-open
 NO_ROWS = (3, [3] * 5, [["a", 0, 0]] * 5, [[[], {}, 0]] * 5, {"q": 1})
 
 
-def refused(folder, file, capsys):
+def refused(folder, file, command):
     """Return what the stand-alone grader and the command say of a file of answers that they refuse."""
     run = subprocess.run([sys.executable, "-I", "-S", folder / "grade.py", file], capture_output=True, text=True)
-    with pytest.raises(SystemExit) as end:
-        main(["problems", "grade", str(file), "--problems", str(folder), "--json"])
-    assert 0 not in (run.returncode, end.value.code)
-    return run.stdout + run.stderr, "".join(capsys.readouterr())
+    told = command("problems", "grade", file, "--problems", folder, "--json")
+    assert 0 not in (run.returncode, told.returncode)
+    return run.stdout + run.stderr, told.stdout + told.stderr
 
 
 @pytest.mark.parametrize("answers", NO_ANSWERS)
-def test_a_file_that_holds_no_answers_is_refused_in_a_sentence(folder, tmp_path, capsys, answers):
+def test_a_file_that_holds_no_answers_is_refused_in_a_sentence(folder, tmp_path, command, answers):
     (file := tmp_path / "answers.json").write_text(json.dumps(answers))
 
-    for said in refused(folder, file, capsys):
+    for said in refused(folder, file, command):
         assert "expected an object" in said
         assert "Traceback" not in said
 
 
-def test_a_file_of_lists_in_lists_and_numbers_beyond_all_bounds_are_no_tracebacks(folder, tmp_path, capsys):
+def test_a_file_of_lists_in_lists_and_numbers_beyond_all_bounds_are_no_tracebacks(folder, tmp_path, command):
     (file := tmp_path / "answers.json").write_text("[" * 100_000)
-    for said in refused(folder, file, capsys):
+    for said in refused(folder, file, command):
         assert "Traceback" not in said
         assert "itself" not in said
 
@@ -237,44 +235,41 @@ def test_a_file_of_lists_in_lists_and_numbers_beyond_all_bounds_are_no_traceback
     assert scores(graded(folder, {name: answer}, tmp_path)[1][0]) == {"position": 0.0}
 
 
-def test_a_family_that_is_not_there_is_told_with_those_that_are(tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["problems", "export", str(tmp_path / "set"), "--only", "zzz"])
+def test_a_family_that_is_not_there_is_told_with_those_that_are(tmp_path, command):
+    told = command("problems", "export", tmp_path / "set", "--only", "zzz")
 
-    assert end.value.code == 2
-    assert "--only: expected a part of the name of a family, got 'zzz'; there are: " in capsys.readouterr().err
+    assert told.returncode == 2
+    assert "--only: expected a part of the name of a family, got 'zzz'; there are: " in told.stderr
     assert not (tmp_path / "set").exists()
 
 
 @pytest.mark.parametrize("rows", NO_ROWS)
-def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, capsys, rows):
+def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, command, rows):
     right = truth(folder, name := "four-bars-01-open")
     answer = as_answer(right, right["q"])
     answer["bodies"]["rocker"]["q"] = rows
     (file := tmp_path / "answers.json").write_text(json.dumps({"problems": {name: answer}}))
 
-    for said in refused(folder, file, capsys):
+    for said in refused(folder, file, command):
         assert "q of rocker: 5 rows of 3 numbers expected" in said
         assert "Traceback" not in said
 
 
-def test_the_command_says_the_same_and_refuses_other_sets(folder, index, ours, tmp_path, capsys):
+def test_the_command_says_the_same_and_refuses_other_sets(folder, index, ours, tmp_path, command):
     file = tmp_path / "answers.json"
 
     def run(problems):
         file.write_text(json.dumps({"problems": problems}))
-        with pytest.raises(SystemExit) as end:
-            main(["problems", "grade", str(file), "--problems", str(folder), "--json"])
-        return end.value.code, capsys.readouterr()
+        return command("problems", "grade", file, "--problems", folder, "--json")
 
-    code, shown = run(ours)
+    told = run(ours)
     _, lines = graded(folder, ours, tmp_path)
 
-    assert code == 0
+    assert told.returncode == 0
     for line in lines:
-        of_command = json.loads(shown.out)[line.split(":")[0]]
+        of_command = json.loads(told.stdout)[line.split(":")[0]]
         assert {level: round(digits, 1) for level, digits in of_command.items()} == scores(line)
-    assert run({"no-such-problem": {"bodies": {}}})[0] == 2
+    assert run({"no-such-problem": {"bodies": {}}}).returncode == 2
 
 
 def test_a_set_whose_answers_were_changed_is_no_set(folder, tmp_path):
