@@ -1,4 +1,4 @@
-"""Records of a run as the tests of the report plant them, with the raw samples beside their histograms."""
+"""Records of a run as the tests of the report plant them, with the raw samples beside their histograms; priced rows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.judge.known_gaps import KnownGap
+from crosscheck.judge.prices import EffectRow, PriceRow
 from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, plain, read_file, read_line
 from crosscheck.night.plan import NightOutcome, write_outcome
 from crosscheck.report.build import build
@@ -170,3 +171,24 @@ def gap(**match: str) -> KnownGap:
         "kind_of_gap": "documented limit",
     }
     return KnownGap(**fields, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", **match)
+
+
+def of_run(folder: Path, *records: Any, **files: Any) -> tuple[Any, str]:
+    """Return the report and the page of a run with files beside its records."""
+    write(folder, *records)
+    for name, rows in files.items():
+        (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
+    page = build(folder).read_text(encoding="utf-8")
+    return json.loads((folder / "report.json").read_text(encoding="utf-8")), page
+
+
+def price_row(**more: Any) -> PriceRow:
+    """Return a row of a price list."""
+    who = {"engine": "made up", "method": "newton", "setting": "-", "quantity": "position", "newton_by": "nobody"}
+    return PriceRow(**{**who, "digits": 9.0, "digits_attainable": 15.0, "microseconds": 5.0, "spread": 0.1, **more})
+
+
+def effect_row(effect: str, **more: Any) -> EffectRow:
+    """Return a row of a ledger of effects."""
+    who: Any = {"engine": "made up", "method": "newton", "setting": "", "effect": effect, "called_for": False}
+    return EffectRow(**{**who, "microseconds": 3.0, "without": 10.0, "spread": 1.0, "inert": True, **more})

@@ -18,7 +18,6 @@ from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.changes import _difference, same_bits
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.prices import EffectRow
 from crosscheck.measure import effects as ledger
 from crosscheck.measure.effects import ablations, effects_ledger, noise, rows
 from crosscheck.report.prices import effects_bars, look, parts
@@ -30,6 +29,7 @@ from refkin.scenes.linkages import FourBar
 from refkin.solving.solve import solve
 
 from .fake_engines import EXIT, HANG, RAISE, engine_file
+from .report_records import effect_row
 
 EXAMPLE = Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml"
 KEYS = {"engine", "effect", "microseconds", "inert", "largest_change"}
@@ -248,20 +248,7 @@ def test_an_engine_that_always_ends_its_process_is_known_for_nothing(tmp_path):
 
 
 def priced(microseconds, spread, effect="gravity", engine="made up"):
-    return EffectRow(
-        engine=engine,
-        method="newton",
-        setting="",
-        effect=effect,
-        microseconds=microseconds,
-        without=10.0,
-        spread=spread,
-        inert=True,
-        largest_change=0.0,
-        worst="",
-        called_for=False,
-        note="",
-    )
+    return effect_row(effect, engine=engine, microseconds=microseconds, spread=spread, largest_change=0.0)
 
 
 def test_what_an_effect_seems_to_save_is_noise():

@@ -16,6 +16,8 @@ from crosscheck.report.prices import effects_bars, iterations_of_notes, price_fi
 from crosscheck.report.svg import SUPERSCRIPTS, style, swatch
 from crosscheck.scenes.names import QUANTITIES
 
+from .report_records import effect_row
+
 PLAIN = {written: chr(digit) for digit, written in SUPERSCRIPTS.items()}
 PIXEL = 0.06
 """Places are written to tenths of a pixel."""
@@ -259,12 +261,9 @@ def test_digits_after_iterations_stand_at_their_iteration() -> None:
 def test_the_parts_of_a_bar_are_as_long_as_what_they_cost_and_one_begins_where_the_other_ends() -> None:
     made = [("velocity", 20.0, 5.0, True), ("gravity", 20.0, 40.0, False), ("contact", 20.0, 0.01, False)]
     rows = [
-        EffectRow(
-            engine="a", method="newton", setting="", effect=effect, without=without, microseconds=cost,
-            called_for=called, spread=0.5, inert=True,
-        )
+        effect_row(effect, engine="a", without=without, microseconds=cost, called_for=called, spread=0.5)
         for effect, without, cost, called in made
-    ]  # fmt: skip
+    ]
     root = ET.fromstring(effects_bars([*rows, *unpriced()]))
     titled = [(box, (box.findtext("title") or "").split(": ")) for box in root.iter("rect")]
     bars = {words[0]: box for box, words in titled if len(words) == 2}
@@ -288,12 +287,9 @@ def test_the_parts_of_a_bar_are_as_long_as_what_they_cost_and_one_begins_where_t
 def test_ticks_of_bars_have_the_smallest_round_step_that_reaches_the_longest_bar_in_six(longest: float) -> None:
     lengths = {"a": 0.3 * longest, "b": longest, "c": 0.1 * longest}
     rows = [
-        EffectRow(
-            engine=engine, method="newton", setting="", effect="velocity", without=0.75 * length, spread=0.0,
-            microseconds=0.25 * length, called_for=True, inert=True,
-        )
-        for engine, length in lengths.items()
-    ]  # fmt: skip
+        effect_row("velocity", engine=k, without=0.75 * x, spread=0.0, microseconds=0.25 * x, called_for=True)
+        for k, x in lengths.items()
+    ]
     root = ET.fromstring(effects_bars(rows))
     texts = [(float(t.get("x", 0)), t.text or "") for t in root.iter("text")]
     ticks = [(x, float(text)) for x, text in texts if re.fullmatch(r"[\d.e+-]+", text)]

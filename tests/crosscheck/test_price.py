@@ -19,7 +19,6 @@ from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import (
     Offer,
-    PriceRow,
     Repeated,
     cheapest,
     may_be_cheapest,
@@ -39,6 +38,8 @@ from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
 from tests.crosscheck import price_fakes
+
+from .report_records import price_row
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent.parent / "examples" / "crank-rocker.toml"
@@ -161,18 +162,8 @@ def test_a_scene_without_a_certified_pose_has_no_prices():
         price(folded, [MADE_UP], within=1.0)
 
 
-def priced(digits, microseconds, method="newton", engine="made up", quantity="position", attainable=15.0, setting="-"):
-    return PriceRow(
-        engine=engine,
-        method=method,
-        setting=setting,
-        quantity=quantity,
-        digits=digits,
-        digits_attainable=attainable,
-        microseconds=microseconds,
-        spread=0.1,
-        newton_by="nobody",
-    )
+def priced(digits, microseconds, method="newton", attainable=15.0, **more):
+    return price_row(digits=digits, microseconds=microseconds, method=method, digits_attainable=attainable, **more)
 
 
 def best(rows, poses="cycle"):

@@ -11,24 +11,15 @@ from rich.console import Console
 
 from crosscheck.commands.price import cheapest_table, lines, methods_table, page_of, to_json
 from crosscheck.documents.ledger.page import digits_by_iteration
-from crosscheck.judge.prices import PriceRow
 from crosscheck.measure.price import PriceList
 from crosscheck.report.prices import iterations_of_notes, looks_of_methods, methods_figure
 
+from .report_records import price_row
 
-def row(engine="exudyn", method="static", setting="1e-3", digits=3.0, microseconds=10.0, quantity="position", note=""):
-    return PriceRow(
-        engine=engine,
-        method=method,
-        setting=setting,
-        quantity=quantity,
-        digits=digits,
-        digits_attainable=14.5,
-        microseconds=microseconds,
-        spread=0.05,
-        newton_by=engine,
-        note=note,
-    )
+
+def row(engine="exudyn", digits=3.0, **more):
+    more = {"method": "static", "setting": "1e-3", "microseconds": 10.0, **more}
+    return price_row(engine=engine, digits=digits, digits_attainable=14.5, spread=0.05, newton_by=engine, **more)
 
 
 ROWS = [

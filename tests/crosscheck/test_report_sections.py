@@ -35,7 +35,7 @@ from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
 from refkin.scenes.files import to_dict
 
-from .report_records import answer, disagreement, good_answer, quantity, record, typed, write
+from .report_records import answer, disagreement, good_answer, of_run, quantity, record, typed, write
 
 PRICES = [
     {"engine": "mujoco", "method": "newton", "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
@@ -83,11 +83,7 @@ HARD = [
 
 def reported(folder: Path, **files: Any) -> tuple[Any, str]:
     """Build a page for a run of one good scene with files beside its records."""
-    write(folder, record("a", good_answer("mujoco")))
-    for name, rows in files.items():
-        (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
-    page = build(folder).read_text(encoding="utf-8")
-    return json.loads((folder / "report.json").read_text(encoding="utf-8")), page
+    return of_run(folder, record("a", good_answer("mujoco")), **files)
 
 
 def rows_of_first(report: Any) -> list[dict[str, Any]]:
@@ -295,18 +291,16 @@ def test_cell_with_a_new_failure_beside_known_gaps_is_bad(worst: float, known: i
 
 def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:
     values = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
-    write(tmp_path, record("a", good_answer("mujoco"), disagreements=values), record("b", good_answer("mujoco")))
-    build(tmp_path)
-    (method,) = json.loads((tmp_path / "report.json").read_text())["methods"]
+    made = record("a", good_answer("mujoco"), disagreements=values), record("b", good_answer("mujoco"))
+    (method,) = of_run(tmp_path, *made)[0]["methods"]
 
     assert method["silent"] == {"any": 1, "beyond the allowed error": 1}
 
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
     rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows))
-    build(tmp_path)
-    (method,) = json.loads((tmp_path / "report.json").read_text())["methods"]
+    made = record("a", good_answer("mujoco", missing=1), disagreements=rows)
+    (method,) = of_run(tmp_path, made)[0]["methods"]
 
     assert method["silent"] == {}
 

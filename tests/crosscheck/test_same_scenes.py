@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.report.build import build, coverage, together
+from crosscheck.report.build import coverage, together
 from crosscheck.report.first_table import first_table
 
-from .report_records import QUANTITIES, ROUTES, answer, disagreement, floored, quantity, record, write
+from .report_records import QUANTITIES, ROUTES, answer, disagreement, floored, of_run, quantity, record
 from .test_report_sections import HARD as HARD_CASES
 
 EASY, HARD = [16.0, 16.1, 16.2, 16.3], [8.0, 8.1, 12.2, 12.3]
@@ -26,15 +25,6 @@ PRICED = [{**PRICED, "quantity": q, "digits": 3.5, "scene_class": "regular"} for
 def answered(engine: str, digits: Any, ratio: float = 0.5, method: str = "", **more: Any) -> dict[str, Any]:
     made = answer(engine, {name: quantity({-1: digits}, ratio) for name in QUANTITIES}, **more)
     return {**made, "method": {**made["method"], "name": method or ROUTES[engine]}}
-
-
-def of_run(folder: Path, *records: Any, **files: Any) -> tuple[Any, str]:
-    """Return the report and the page of a run."""
-    write(folder, *records)
-    for name, rows in files.items():
-        (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
-    page = build(folder).read_text(encoding="utf-8")
-    return json.loads((folder / "report.json").read_text(encoding="utf-8")), page
 
 
 def text(html: str) -> str:

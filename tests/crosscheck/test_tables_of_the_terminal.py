@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,12 +14,11 @@ from rich.console import Console
 
 import refkin
 from crosscheck.commands import bench, diagnose, engines, follow, hunt, nightly, price, usage
-from crosscheck.judge.prices import EffectRow
 from crosscheck.judge.records import EnclosedTimes
 from crosscheck.measure.hard_table import hard_cases
 from crosscheck.night.hunting import Bag, Catch
 
-from .report_records import answer, good_answer, level, quantity, record, typed
+from .report_records import answer, effect_row, good_answer, level, price_row, quantity, record, typed
 
 SCENE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
 
@@ -31,14 +30,8 @@ def cells(table: Any) -> list[list[str]]:
 
 
 def priced(method: str, digits: float | None, one: float | None, **more: Any) -> dict[str, Any]:
-    row = {"engine": "mujoco", "method": method, "setting": "", "quantity": "position", "note": "", "newton_by": "it"}
-    prices = {
-        "microseconds_one": one,
-        "microseconds": 12.34,
-        "microseconds_bulk": None,
-        "microseconds_to_build": 2500.0,
-    }
-    return {**row, "digits": digits, **prices, **more}
+    prices = {"setting": "", "microseconds_one": one, "microseconds": 12.34, "microseconds_to_build": 2500.0, **more}
+    return asdict(price_row(engine="mujoco", method=method, newton_by="it", digits=digits, **prices))
 
 
 def test_of_each_method_the_setting_of_most_digits_is_shown_with_its_three_prices():
@@ -217,20 +210,15 @@ def test_hard_cases_are_counted_by_verdict_and_what_is_wrong_stands_with_its_rea
     assert "b (newton), hang: no finding explains this\n  toggle, 0.01: never came" in shown
 
 
-def ledger_row(effect: str, **more: Any) -> EffectRow:
-    who: Any = {"engine": "a", "method": "newton", "setting": "", "effect": effect, "called_for": False}
-    return EffectRow(**{**who, "microseconds": 3.0, "without": 10.0, "spread": 1.0, "inert": True, **more})
-
-
 def test_effects_that_are_known_stand_in_the_table_and_those_that_are_felt_in_a_line():
-    felt = ledger_row("gravity", inert=False, largest_change=0.25, worst="rocker.phi at t = 1")
-    rows = [ledger_row("velocity", largest_change=0.0), felt, ledger_row("sensors", inert=None, microseconds=None)]
+    felt = effect_row("gravity", inert=False, largest_change=0.25, worst="rocker.phi at t = 1")
+    rows = [effect_row("velocity", largest_change=0.0), felt, effect_row("sensors", inert=None, microseconds=None)]
 
     assert [row[:2] + row[5:7] for row in cells(bench.ledger_table("any", rows))] == [
-        ["a, newton", "velocity", "yes", "0"],
+        ["made up, newton", "velocity", "yes", "0"],
         ["", "gravity", "no", "0.25"],
     ]
-    assert bench.felt_lines(rows) == ["not inert: gravity in a, newton: changes rocker.phi at t = 1 by 0.25"]
+    assert bench.felt_lines(rows) == ["not inert: gravity in made up, newton: changes rocker.phi at t = 1 by 0.25"]
     assert bench.felt_lines(rows[:1]) == ["every effect that was measured is inert where it is not called for"]
     assert bench.felt_lines(rows[2:]) == ["no effect was measured"]
 
