@@ -19,11 +19,11 @@ from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.measure.check import check
 from crosscheck.measure.price_process import questions
-from refkin.joints import AngleDriver, Revolute
-from refkin.model import Body, Mechanism, Scene
-from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.joints import Revolute
+from refkin.motion_laws import Sinusoid
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
+from tests.refkin.test_sweep import three_cranks
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -170,20 +170,6 @@ def test_a_slider_crank_has_its_positions(producer):
     assert max(d for d in values if d is not None) > 14.0
 
 
-@cache
-def parallelogram():
-    """A parallelogram with a third crank that changes nothing: two rows are redundant."""
-    cranks = {"a": 0.0, "b": 2.0, "c": 1.0}
-    bodies = [Body(name=name, estimate=(x, 0.0, 1.0)) for name, x in cranks.items()]
-    bodies.append(Body(name="coupler", estimate=(0.54, 0.84, 0.0)))
-    joints = []
-    for name, x in cranks.items():
-        joints.append(Revolute(name=f"{name}0", body_i="ground", point_i=(x, 0.0), body_j=name, point_j=(0.0, 0.0)))
-        joints.append(Revolute(name=name, body_i=name, point_i=(1.0, 0.0), body_j="coupler", point_j=(x, 0.0)))
-    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 0.5)))
-    return Scene(mechanism=Mechanism(tuple(bodies), tuple(joints), (motor,)), times=(0.0, 0.1, 0.2, 0.3))
-
-
 @pytest.mark.parametrize(
     ("producer", "name"),
     [
@@ -196,10 +182,11 @@ def parallelogram():
     ],
 )
 def test_redundant_rows_cost_no_digits(producer, name):
-    truth = CertifiedTruth(parallelogram())
+    scene = three_cranks(0.0)
+    truth = CertifiedTruth(scene)
     last = [one for one in methods(producer, Use.PRICE) if one.name == name][-1]
 
-    assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, parallelogram(), 2))) > 13.0
+    assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, scene, 2))) > 13.0
 
 
 @pytest.mark.parametrize("producer", ["mujoco", "pinocchio"])

@@ -22,6 +22,7 @@ from refkin.joints import GROUND, Fixed, XDriver
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from tests.refkin.test_sweep import twice
 
 from .exact_linkages import EPS, Case, cylinder, excess, four_bar, lifted_end, scotch_yoke, slider_crank
 
@@ -31,16 +32,8 @@ NEARLY_FLAT = (1.0, 2.5, 2.0, 1.5 + 1e-6)
 
 def twin(case: Case) -> Case:
     """Return a four-bar with a second coupler and rocker, each a copy of the first, on the same crank."""
-    mechanism, copies = case.scene.mechanism, {"coupler": "coupler 2", "rocker": "rocker 2"}
-    bodies = [replace(b, name=copies[b.name]) for b in mechanism.bodies if b.name in copies]
-    joints = [
-        replace(j, name=f"{j.name} 2", body_i=copies.get(j.body_i, j.body_i), body_j=copies.get(j.body_j, j.body_j))
-        for j in mechanism.joints
-        if j.name != "A0"
-    ]
-    doubled = replace(mechanism, bodies=(*mechanism.bodies, *bodies), joints=(*mechanism.joints, *joints))
-    rows = {**case.rows, **{copy: case.rows[name] for name, copy in copies.items()}}
-    return replace(case, scene=replace(case.scene, mechanism=doubled), rows=rows)
+    rows = {**case.rows, **{f"{name} 2": case.rows[name] for name in ("coupler", "rocker")}}
+    return replace(case, scene=twice(case.scene), rows=rows)
 
 
 @pytest.mark.parametrize("branch", [1, -1])

@@ -25,8 +25,8 @@ from crosscheck.scenes.workloads import LoopChain
 from refkin.joints import AngleDriver, Fixed, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
+from tests.refkin.test_sweep import three_cranks
 
-from .test_methods import parallelogram
 from .test_planted_faults import FOUR_BAR, INVERTED, LAW, ROD, SLIDER, TIMES
 
 SCENES_OF_JOINTS = Path(__file__).parents[2] / "docs/scenes"
@@ -143,7 +143,7 @@ def test_a_model_answers_each_time_as_if_it_were_the_first(producer, scene):
 
 REFUSED = {
     "a slide that closes a loop": (INVERTED, "joint 'A' closes a loop"),
-    "redundant": (parallelogram(), "4 equations of loops for 3 coordinates"),
+    "redundant": (three_cranks(0.0), "4 equations of loops for 3 coordinates"),
     "no loop": (refkin.load(SCENES_OF_JOINTS / "revolute.toml"), "no joint closes a loop"),
     "space": (refkin.load(SCENES_OF_JOINTS / "spatial-revolute.toml"), "its joint tree for the plane alone"),
     "driven coupler": (

@@ -12,7 +12,6 @@ import pytest
 import refkin
 from refkin import (
     Body,
-    DistanceDriver,
     FourBar,
     InvertedSliderCrank,
     Mechanism,
@@ -28,7 +27,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import balanced, cone
-from tests.refkin.assembly_cases import pin
+from tests.refkin.assembly_cases import cylinder, pin
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"
@@ -69,14 +68,7 @@ def links(base, long):
 def reaching(length):
     """A link that turns about the origin, driven by the distance of its tip from a point it can touch."""
     bodies = (Body(name="link", estimate=(0.0, 0.0, 0.0)),)
-    driver = DistanceDriver(
-        name="rope",
-        body_i=GROUND,
-        point_i=(1.0, 0.0),
-        body_j="link",
-        point_j=(1.0, 0.0),
-        law=Polynomial(coefficients=(length,)),
-    )
+    driver = cylinder(GROUND, (1.0, 0.0), "link", (1.0, 0.0), length)
     joints = (pin("O", GROUND, (0.0, 0.0), "link", (0.0, 0.0)),)
     return Scene(name="rope", mechanism=Mechanism(bodies=bodies, joints=joints, drivers=(driver,)), times=(0.0,))
 
@@ -193,15 +185,8 @@ def test_bodies_and_rows_are_involved_by_their_part_of_a_null_vector_however_lon
 def test_a_lever_at_the_full_reach_of_its_cylinder_turns_back_though_nothing_else_feels_its_angle(estimate):
     """What rounding leaves of the angle's column, 1e-16, passed for full rank."""
     lever = Body(name="lever", estimate=(0.0, 0.0, estimate))
-    cylinder = DistanceDriver(
-        name="cylinder",
-        body_i="ground",
-        point_i=(1.0, 0.0),
-        body_j="lever",
-        point_j=(1.0, 0.0),
-        law=Polynomial(coefficients=(2.0,)),
-    )
-    mechanism = Mechanism((lever,), (pin("O", "ground", (0.0, 0.0), "lever", (0.0, 0.0)),), (cylinder,))
+    stretched = cylinder(GROUND, (1.0, 0.0), "lever", (1.0, 0.0), 2.0)
+    mechanism = Mechanism((lever,), (pin("O", GROUND, (0.0, 0.0), "lever", (0.0, 0.0)),), (stretched,))
     reached = refkin.diagnose(Scene(mechanism=mechanism, times=(0.0,)))
 
     assert reached.kind is PoseKind.TURNING_POINT

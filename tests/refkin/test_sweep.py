@@ -164,11 +164,15 @@ def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pos
     assert (np.diff([q[6] - np.pi / 24 > 0 for q in steps.q]) == 0).all()
 
 
-def started(law):
-    """A sweep of the rocker mechanism at the first pose of a law."""
-    scene = ROCKER.scene(law=law, times=(0.0,))
+def started(law, linkage=ROCKER, **more):
+    """A sweep of a linkage at the first pose of a law."""
+    return started_at(linkage.scene(law=law, times=(0.0,)), **more)
+
+
+def started_at(scene, **more):
+    """A sweep at the only pose of a scene."""
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    return Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])])
+    return Sweep(system, list(scene.times), [system.to_unit(refkin.solve(scene).q[:, 0])], **more)
 
 
 def test_a_pose_where_a_law_turns_back_is_taken_back_if_it_is_not_proved_to_be_alone(monkeypatch):
@@ -264,8 +268,7 @@ def test_where_two_laws_move_the_first_step_is_a_part_of_the_way(law):
     scene = beside_a_wheel(
         ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.25,)), Polynomial(coefficients=law)
     )
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    sweep = Sweep(system, [0.25], [system.to_unit(refkin.solve(scene).q[:, 0])])
+    sweep = started_at(scene)
     sweep._set_out(0.75)
 
     assert sweep.step == (math.inf if len(law) == 1 else 0.0625)
@@ -273,18 +276,14 @@ def test_where_two_laws_move_the_first_step_is_a_part_of_the_way(law):
 
 @pytest.mark.parametrize("proving", [True, False])
 def test_from_a_singular_first_pose_no_step_is_taken(proving):
-    scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    sweep = Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])], proving=proving)
+    sweep = started(Polynomial(coefficients=(0.0, 1.0)), PARALLELOGRAM, proving=proving)
 
     assert sweep.to(0.05) is Arrival.STOPPED
     assert sweep.t == [0.0]
 
 
 def test_from_a_singular_pose_no_step_is_taken():
-    scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(np.pi / 2, 1.0)), times=(0.0,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    sweep = Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])])
+    sweep = started(Polynomial(coefficients=(np.pi / 2, 1.0)), PARALLELOGRAM)
 
     assert sweep.to(np.pi / 2) is Arrival.AT_SINGULAR_POSE
     steps = len(sweep.t)
