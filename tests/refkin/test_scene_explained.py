@@ -7,19 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from refkin.errors import InvalidScene
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
-from .test_scene_files import TEXT
+from .test_scene_files import TEXT, refused_file
 
 
 def told(tmp_path, text: str) -> str:
     path = tmp_path / "scene.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidScene) as result:
-        load(path)
-    return str(result.value).replace(f"{path}: ", "")
+    return str(refused_file(path, text)).replace(f"{path}: ", "")
 
 
 def test_a_byte_order_mark_is_no_fault(tmp_path):

@@ -165,10 +165,23 @@ BROKEN = {
 }
 
 
-def messages(data):
+def refused(data, source="scene"):
+    """Return the error with which a scene is refused."""
     with pytest.raises(InvalidScene) as result:
-        parse(data, "scene.toml")
-    return str(result.value).splitlines()
+        parse(data, source)
+    return result.value
+
+
+def refused_file(path, text):
+    """Return the error with which a file of some text is refused."""
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidScene) as result:
+        load(path)
+    return result.value
+
+
+def messages(data):
+    return str(refused(data, "scene.toml")).splitlines()
 
 
 @pytest.mark.parametrize(("change", "told"), BROKEN.values(), ids=BROKEN.keys())
@@ -228,10 +241,10 @@ def test_a_file_with_a_fault_of_every_kind_names_them_all_and_no_others(good, pl
     data = copy.deepcopy(good)
     for change, _ in planted.values():
         change(data)
-    with pytest.raises(InvalidScene) as result:
-        parse(copy.deepcopy(data))
 
-    assert sorted(fault.path for fault in result.value.faults) == sorted(path for _, path in planted.values())
+    assert sorted(fault.path for fault in refused(copy.deepcopy(data)).faults) == sorted(
+        path for _, path in planted.values()
+    )
 
 
 def test_what_a_wrong_key_may_bring_about_is_not_told():
@@ -265,12 +278,7 @@ def test_an_example_reads_as_it_stands():
 
 @pytest.mark.parametrize(("name", "text"), [("a.toml", "schema = = 1"), ("a.json", "{"), ("a.json", "[1, 2]")])
 def test_text_that_is_no_scene_file_is_refused_in_one_line(tmp_path, name, text):
-    path = tmp_path / name
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidScene) as result:
-        load(path)
-
-    assert len(result.value.faults) == 1
+    assert len(refused_file(tmp_path / name, text).faults) == 1
 
 
 def test_a_key_twice_in_a_json_file_is_refused_as_in_toml(tmp_path):
@@ -301,13 +309,10 @@ def test_a_message_holds_no_control_character_of_a_file():
 )
 def test_half_of_a_character_is_one_fault_wherever_it_stands(tmp_path, before, after, paths):
     """JSON lets it pass as an escape, and no text holds it: that ended in a traceback."""
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(GOOD).replace(before, after), encoding="utf-8")
-    with pytest.raises(InvalidScene) as result:
-        load(path)
-    lines = str(result.value).splitlines()
+    error = refused_file(tmp_path / "a.json", json.dumps(GOOD).replace(before, after))
+    lines = str(error).splitlines()
 
-    assert [fault.path for fault in result.value.faults] == paths
+    assert [fault.path for fault in error.faults] == paths
     assert all(line.isprintable() and "half of a character (a lone surrogate), got '" in line for line in lines)
 
 
@@ -321,11 +326,8 @@ def test_half_of_a_character_is_one_fault_wherever_it_stands(tmp_path, before, a
 )
 def test_null_where_something_has_to_stand_is_named(tmp_path, text, said):
     path = tmp_path / "a.json"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidScene) as result:
-        load(path)
 
-    assert f"{path}: {said}" in str(result.value).splitlines()
+    assert f"{path}: {said}" in str(refused_file(path, text)).splitlines()
 
 
 @pytest.mark.filterwarnings("error")
@@ -384,11 +386,7 @@ def test_the_schema_names_every_joint():
 def test_a_hostile_file_gets_its_faults_and_no_others(kind, tmp_path):
     """Each fault once, under its own key; no traceback, and nothing that follows from a fault named already."""
     change, expected = HOSTILE[kind]
-    scene = tmp_path / "scene.toml"
-    scene.write_text(TEXT.replace(*change, 1))
-    with pytest.raises(InvalidScene) as result:
-        load(scene)
-    paths = [fault.path for fault in result.value.faults]
+    paths = [fault.path for fault in refused_file(tmp_path / "scene.toml", TEXT.replace(*change, 1)).faults]
 
     assert len(paths) == len(set(paths))
     assert expected is None or set(paths) == expected
@@ -417,20 +415,16 @@ def test_a_long_value_is_not_quoted_whole():
 def test_what_cannot_be_read_as_a_whole_is_looked_into(change, paths):
     data = copy.deepcopy(GOOD)
     data["joint"][0] |= change
-    with pytest.raises(InvalidScene) as error:
-        parse(data)
 
-    assert {fault.path for fault in error.value.faults} == paths
+    assert {fault.path for fault in refused(data).faults} == paths
 
 
 def test_of_a_joint_that_cannot_be_read_only_what_stands_in_the_file_is_said():
     """That its name was '' was said, too, of a name that is not there."""
     rocker = tomllib.loads((Path(__file__).parents[2] / "examples/crank-rocker.toml").read_text())
+    error = refused({**rocker, "body": "x", "joint": [{}]})
 
-    with pytest.raises(InvalidScene) as error:
-        parse({**rocker, "body": "x", "joint": [{}]})
-
-    assert {fault.path for fault in error.value.faults} == {"body", "joint[0].type"}
+    assert {fault.path for fault in error.faults} == {"body", "joint[0].type"}
 
 
 def test_an_integer_beyond_every_float_is_quoted_as_it_stands():
@@ -444,9 +438,7 @@ def test_a_file_with_a_fault_in_each_of_many_joints_is_not_read_anew_for_each(mo
     read, data = [], tomllib.loads(TEXT)
     data["joint"] = [{"name": f"J{k}", "type": "fixed", "body_i": "ground", "body_j": "crank"} for k in range(40)]
     monkeypatch.setattr(keys, "_read", lambda file, own=keys._read: read.append(file) or own(file))
-    with pytest.raises(InvalidScene) as refused:
-        parse(data)
-    assert len(refused.value.faults) >= 80
+    assert len(refused(data).faults) >= 80
     assert len(read) < 60
 
 
