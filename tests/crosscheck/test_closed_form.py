@@ -22,7 +22,7 @@ def q_of(scene):
 
 @pytest.mark.parametrize("build", TOPOLOGIES)
 @pytest.mark.parametrize(("decades", "times"), [(0.0, FEW), (3.0, (0.0,))], ids=["", "lengths differ by six decades"])
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(data=st.data())
 def test_truth_closes_every_loop_at_every_level(build, decades, times, data):
     scene = data.draw(drawings(build, spread=decades)).scene(times)
@@ -34,7 +34,7 @@ def test_truth_closes_every_loop_at_every_level(build, decades, times, data):
 
 
 @pytest.mark.parametrize("build", TOPOLOGIES)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(data=st.data())
 def test_the_pose_drawn_is_the_pose_found(build, data):
     """Branch and turns: drawn poses have either orientation in each dyad, and angles up to 9 rad.
@@ -51,7 +51,7 @@ def test_the_pose_drawn_is_the_pose_found(build, data):
 
 
 @pytest.mark.parametrize("build", TOPOLOGIES)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_rates_are_the_differences_of_positions(build, data):
     """Central differences at h = 2^-100 in 400 bits err by h^2 f''' / 6 < 1e-40 and are exact to float."""
@@ -70,7 +70,6 @@ def test_rates_are_the_differences_of_positions(build, data):
     assert np.abs(acceleration.astype(float) - motion.motion.qdd[:, 1]).max() <= 4 * U * np.abs(motion.motion.qdd).max()
 
 
-@settings(deadline=None)
 @given(data=st.data(), build=st.sampled_from(["four_bar_crank", "slider_crank_by_crank", "inverted_slider_crank"]))
 def test_floats_agree_with_balls_within_the_conditioning(data, build):
     """For one dyad between unit-size loops driven by unit rates.
@@ -88,7 +87,6 @@ def test_floats_agree_with_balls_within_the_conditioning(data, build):
     assert all(error <= 1000 * U * cosecant ** (2 * k + 1) for k, error in enumerate(off)), (off, cosecant)
 
 
-@settings(deadline=None)
 @given(data=st.data(), build=st.sampled_from(list(TOPOLOGIES)))
 def test_balls_hold_what_more_bits_find(data, build):
     scene = data.draw(drawings(build)).scene(times=(0.0,))
@@ -98,7 +96,6 @@ def test_balls_hold_what_more_bits_find(data, build):
     assert all(a.overlaps(b) for a, b in zip(np.ravel(coarse.balls), np.ravel(fine.balls), strict=True))
 
 
-@settings(deadline=None)
 @given(data=st.data(), build=st.sampled_from(list(TOPOLOGIES)))
 def test_the_order_of_bodies_and_joints_does_not_matter(data, build):
     scene = data.draw(drawings(build)).scene(times=(0.0,))

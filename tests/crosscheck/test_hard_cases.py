@@ -24,7 +24,7 @@ from crosscheck.judge.known_gaps import Finding, HardOutcome, unexplained
 from crosscheck.measure import hard_table
 from crosscheck.measure.hard_table import classed, hard_case_rows, outcome_of
 from crosscheck.scenes.hard import KINDS, hard_cases
-from crosscheck.scenes.hard_case import DISTANCES, GAPS
+from crosscheck.scenes.hard_case import DISTANCES, GAPS, REACH
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.motion import Status
 from refkin.proof.pose.krawczyk import Judgement, Verdict, krawczyk
@@ -97,12 +97,13 @@ def test_sigma_goes_with_the_root_of_the_distance_to_a_toggle(case):
 
 
 @pytest.mark.parametrize("gap", GAPS)
-def test_a_gap_is_proved_and_is_the_one_that_was_made(gap):
-    case = CASES[f"unassemblable by a gap, {gap:.0e}"]
-    system, (truth,) = truths(case)
+@pytest.mark.parametrize("where", ["", "in space "])
+def test_a_gap_is_proved_and_is_the_one_that_was_made(where, gap):
+    system, (truth,) = truths(CASES[f"unassemblable {where}by a gap, {gap:.0e}"])
+    made = REACH + gap - REACH if where else gap
 
     assert not truth.roots
-    assert truth.gap == pytest.approx(gap / system.unit.size, rel=1e-3, abs=0.0)
+    assert truth.gap == pytest.approx(made / system.unit.size, rel=1e-4 if where else 1e-3, abs=0.0)
 
 
 @pytest.mark.parametrize(("key", "row"), [*((case.key, 2) for case in TOGGLES), ("limit of an RSSR, 1e-09", 10)])

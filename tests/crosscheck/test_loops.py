@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from crosscheck.documents import loops
@@ -23,7 +23,6 @@ def c4():
 
 
 @given(angle=st.floats(math.radians(115.0), math.radians(245.0)), q0=st.tuples(*[st.floats(-0.6, 0.6)] * 2))
-@settings(deadline=None)
 def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
     """Beyond the limit of 112.02 deg coupler and rocker, in one line, miss each other by |d| - (r3 + r4)."""
     system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)

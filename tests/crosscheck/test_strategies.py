@@ -44,7 +44,7 @@ def sample(strategy, count):
     drawn = []
 
     @seed(20)
-    @settings(max_examples=count, database=None, deadline=None, phases=[Phase.generate])
+    @settings(max_examples=count, database=None, phases=[Phase.generate])
     @given(strategy)
     def collect(example):
         drawn.append(example)
@@ -309,7 +309,7 @@ def assembled(d, system, t):
     return system.to_unit(np.concatenate([d.pose(t)[body.name] for body in d.scene.mechanism.bodies]))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(drawn_scenes())
 def test_every_scene_assembles_at_every_time(d):
     system = compile_system(d.scene.mechanism, unit=d.scene.mechanism.unit())
@@ -322,7 +322,7 @@ def test_every_scene_assembles_at_every_time(d):
         assert np.max(np.abs(turns)) <= 32 * EPS * (1 + np.max(np.abs(q)))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(drawn_scenes())
 def test_every_scene_stays_on_one_branch(d):
     """The sign of det phi_q, which changes only through a singular pose, is one sign at all times."""
@@ -333,7 +333,7 @@ def test_every_scene_stays_on_one_branch(d):
     assert signs in ({1.0}, {-1.0})
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(drawn_scenes())
 def test_newton_from_the_estimates_finds_the_branch_that_was_drawn(d):
     mechanism, t = d.scene.mechanism, d.scene.times[0]

@@ -38,7 +38,7 @@ def found_wrong(scene):
 # ---- agreement
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=drawn_scenes(hardness=[Hardness.REGULAR], samples=12))
 def test_drawn_scenes_agree_with_the_reference_at_all_times(drawn):
     event(drawn.kind)
@@ -48,7 +48,7 @@ def test_drawn_scenes_agree_with_the_reference_at_all_times(drawn):
     assert (compared.agrees, compared.missing, compared.compared) == (True, 0, 12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(drawn=drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT], samples=12))
 def test_scenes_near_singular_poses_agree_as_far_as_they_are_judged(drawn):
     event(f"{drawn.hardness}, {drawn.kind}")
@@ -56,13 +56,13 @@ def test_scenes_near_singular_poses_agree_as_far_as_they_are_judged(drawn):
     assert found_wrong(drawn.scene) == []
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(drawn=drawn_scenes(samples=4))
 def test_the_order_of_bodies_and_joints_does_not_matter(drawn):
     assert found_wrong(permuted(drawn.scene)) == []
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(drawn=drawn_scenes(hardness=[Hardness.REGULAR], samples=1), off=st.lists(st.floats(-0.1, 0.1), min_size=15))
 def test_a_rough_estimate_leads_to_the_assembly_that_the_reference_takes(drawn, off):
     """Assemblies are about sigma_min apart: a tenth of that is near one alone."""

@@ -16,7 +16,7 @@ SHARE = st.floats(1e-6, 1 - 1e-6)
 ANGLE = st.floats(-3.2, 3.2)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(LENGTH, LENGTH, LENGTH, ANGLE, SHARE)
 def test_a_linkage_that_assembles_is_never_called_unassemblable(ground, crank, rocker, angle, share):
     """Lengths over six decades; the coupler is drawn between the limits of its reach, 1e-6 of the range inside them."""
@@ -31,7 +31,7 @@ def test_a_linkage_that_assembles_is_never_called_unassemblable(ground, crank, r
     assert residual(system, result) < ROUND_OFF
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE)
 def test_a_proof_and_the_formula_agree_on_every_four_bar(ground, crank, coupler, rocker, angle):
     truth = missing(ground, crank, coupler, rocker, angle)
@@ -42,7 +42,7 @@ def test_a_proof_and_the_formula_agree_on_every_four_bar(ground, crank, coupler,
         assert 0 < result.gap * system.unit.size <= truth
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, groups):
     """Every kind of group, one upon another. The drawn numbers are rounded: the pose moves by that over sigma_min."""
@@ -63,7 +63,7 @@ def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, gro
         assert residual(system, result) < ROUND_OFF
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_what_newton_finds_from_anywhere_is_among_the_assemblies(seed, groups):
     rng = np.random.default_rng(seed)

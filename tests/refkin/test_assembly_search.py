@@ -168,7 +168,7 @@ TRIADS = {"platform": platform, "ternary": ternary, "coupler point": coupler_poi
 
 
 @pytest.mark.parametrize("family", TRIADS.values(), ids=TRIADS)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @example(seed=6956)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_what_newton_finds_from_anywhere_is_among_the_assemblies(family, seed):
@@ -231,7 +231,7 @@ FUNCTIONS = {
 
 
 @pytest.mark.parametrize(("enclosed", "exact"), FUNCTIONS.values(), ids=FUNCTIONS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(low=st.floats(-3, 3) | st.floats(-1, 0), width=st.floats(1e-9, 2) | st.floats(1, 2), share=st.floats(0, 1))
 @example(low=-1.0, width=1.9, share=0.1)
 def test_an_enclosure_over_an_interval_holds_every_value(enclosed, exact, low, width, share):

@@ -8,7 +8,6 @@ import pytest
 
 from refkin.errors import InvalidScene
 from refkin.scenes.files import parse, to_dict
-from refkin.scenes.keys import schema
 
 from .contact_cases import scene
 
@@ -89,9 +88,3 @@ def test_a_polar_cam_brings_a_coordinate_that_counts_when_drivers_are_missing():
     del data["driver"]
     with pytest.raises(InvalidScene, match="expected 1 more constraint: add drivers"):
         parse(data)
-
-
-def test_the_schema_names_the_joints_and_profiles():
-    text = str(schema())
-
-    assert all(f"'{kind}'" in text for kind in ("gear", "rack_and_pinion", "cam", "disc", "polar", "offset_law"))

@@ -96,7 +96,7 @@ def test_radii_are_round_off_times_the_condition(name):
     assert np.all(radii(system, made, levels, t)[0] <= 64 * system.n * U * carried * size)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn_scenes(hardness=[Hardness.REGULAR]))
 def test_drawn_mechanisms_are_certified_on_the_program_and_the_reference_is_within_both_radii(drawn):
     scene = replace(drawn.scene, evidence=frozenset({Evidence.CERTIFICATE}))

@@ -79,7 +79,7 @@ def test_a_sweep_is_within_the_budget_of_the_reference(name):
     assert {name: np.nanmax(q.ratio) for name, q in comparison.quantities.items() if not q.agrees} == {}
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(drawn_scenes(hardness=[Hardness.REGULAR]))
 def test_regular_scenes_are_answered_within_the_budget(drawn):
     motion = sweep(bare(drawn.scene))
@@ -99,7 +99,7 @@ def off_closed_form(drawn, motion):
     return np.abs(off[:, [s is Status.OK for s in motion.status]])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT]))
 def test_hard_scenes_are_never_answered_wrong(drawn):
     """Near limit positions and change points: on the branch of the reference within its budget, or left to it."""
@@ -111,7 +111,7 @@ def test_hard_scenes_are_never_answered_wrong(drawn):
     assert not comparison.other_assembly
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @pytest.mark.parametrize("evidence", [(), (Evidence.CERTIFICATE,)])
 @given(drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT]))
 def test_hard_scenes_stay_on_the_branch_of_the_closed_form(evidence, drawn):
