@@ -36,7 +36,6 @@ from refkin.solving import limits
 from refkin.system import compile_system
 
 COMPILER = any(map(shutil.which, c_kernels.COMPILERS))
-FAST = importlib.util.find_spec("refkin.fast") is not None
 ENGINES = {name: importlib.util.find_spec(name) is not None for name in ("exudyn", "pinocchio", "mujoco")}
 KEYS = {
     "workload": str,
@@ -73,7 +72,7 @@ def there(producer):
     """Whether the packages of a producer are on this machine."""
     if producer == "c":
         return COMPILER
-    return FAST if producer == "refkin-batch" else ENGINES.get(producer, True)
+    return ENGINES.get(producer, True)
 
 
 @pytest.fixture(scope="module")
@@ -312,7 +311,7 @@ def test_a_wrong_kernel_is_marked_and_not_ranked(monkeypatch, source):
 
     results = measure.measured(few(), rounds=1, listed=[method("c", name)])
 
-    if not COMPILER or (name == "same program" and not FAST):
+    if not COMPILER:
         assert [entry["method"] for entry in results["absent"]] == [name]
         return
     (row,) = results["rows"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 
 import numpy as np
@@ -11,28 +10,18 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import methods
-from crosscheck.engines.ours import chains
+from crosscheck.engines.ours.c_kernels import emitted
+from crosscheck.engines.ours.chains import program_of
 from crosscheck.judge.budget import SAFETY, output_rounding, propagation
 from crosscheck.judge.workloads import allowed, of_chain, residual_error, sparse_system
 from crosscheck.scenes import workloads as works
+from refkin.fast.elimination.program import Instruction, Register
 
-FAST = importlib.util.find_spec("refkin.fast") is not None
 WORK = works.LoopChain("chain-10", 3)
 
 
-def sparse():
-    """The sparse system of the chain; None where there are no fast paths, which is then asserted."""
-    if not FAST:
-        with pytest.raises(EngineError):
-            chains.sparse(WORK, 0)
-        return None
-    return sparse_system(WORK)
-
-
 def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_less():
-    system = sparse()
-    if system is None:
-        return
+    system = sparse_system(WORK)
     motion = refkin.solve(WORK.scene)
     levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
     whole = propagation(system.system, motion, *levels).budget().levels[0, :, 0]
@@ -43,9 +32,7 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
 
 
 def test_random_signs_carry_most_of_what_the_worst_signs_would_and_no_more():
-    system = sparse()
-    if system is None:
-        return
+    system = sparse_system(WORK)
     q, still = system.system.to_unit(refkin.solve(WORK.scene).q)[:, 0], np.zeros((system.system.n, 1))
     rounded = output_rounding(system.system, q[:, None], still, still)[0][:, 0]
     worst = np.abs(np.linalg.inv(system.system.phi_q(q, 0.0))) @ (SAFETY * residual_error(system, q, 0.0))
@@ -56,9 +43,6 @@ def test_random_signs_carry_most_of_what_the_worst_signs_would_and_no_more():
 
 
 def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():
-    system = sparse()
-    if system is None:
-        return
     q = np.asarray(WORK.truth()[0], float)
     assert of_chain(WORK, q).ranked
     for coordinate in range(len(q)):
@@ -68,9 +52,7 @@ def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():
 
 
 def test_nan_is_not_ranked():
-    system = sparse()
-    if system is None:
-        return
+    system = sparse_system(WORK)
     assert not of_chain(WORK, np.full(system.system.n, np.nan)).ranked
 
 
@@ -91,12 +73,6 @@ def test_a_chain_that_is_too_long_for_a_method_is_refused_with_the_reason(key):
 
 
 def test_operations_that_are_no_arithmetic_are_not_put_into_c():
-    if not FAST:
-        return
-    from crosscheck.engines.ours.c_kernels import emitted
-    from crosscheck.engines.ours.chains import program_of
-    from refkin.fast.elimination.program import Instruction, Register
-
     program, _ = program_of(WORK.scene)
     with_profile = Instruction("profile", Register("w", 0), (Register("w", 1),), (0, 0))
     with pytest.raises(EngineError, match="profile"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,9 @@ from crosscheck.measure import bench as measure
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.workloads import whole
 from crosscheck.scenes.workloads_space import many_rssrs, one_rssr
+from refkin.fast import prepared
 from refkin.solving.solve import solve
 
-FAST = importlib.util.find_spec("refkin.fast") is not None
 IN_SPACE = {
     "exudyn": "MainSolverStatic.Newton, extrapolated",
     "pinocchio": "Newton on its rows, extrapolated",
@@ -61,10 +60,7 @@ def test_the_best_method_of_each_engine_in_space_is_a_ranked_row(engine, make):
     assert {row["newton_by"] for row in results["rows"]} == {"exudyn" if engine == "exudyn" else "the adapter"}
 
 
-@pytest.mark.skipif(not FAST, reason="the fast paths were deleted")
 def test_the_fast_path_answers_many_rssrs_in_turn_by_one_program_and_says_so():
-    from refkin.fast import prepared
-
     work = few()
     key = "refkin-batch", "all times at once", "no evidence"
     listed = [method for method in methods("refkin-batch") if method.key == key]
