@@ -50,7 +50,6 @@ def judged(levels, mechanism=0):
 @pytest.mark.parametrize("engine", IN_SPACE)
 @pytest.mark.parametrize("make", [tiny, few], ids=["one", "many"])
 def test_the_best_method_of_each_engine_in_space_is_a_ranked_row(engine, make):
-    pytest.importorskip(engine)
     listed = [m for m in methods(engine, Use.BENCH) if m.name == IN_SPACE[engine]]
 
     results = measure.measured(make(), rounds=1, listed=listed)
@@ -83,8 +82,6 @@ def test_the_fast_path_answers_many_rssrs_in_turn_by_one_program_and_says_so():
     ],
 )
 def test_what_is_made_for_four_bars_or_chains_refuses_in_one_sentence(engine, name):
-    if engine in IN_SPACE:
-        pytest.importorskip(engine)
     (found,) = (m for m in methods(engine, Use.BENCH) if m.name.startswith(name))
 
     with pytest.raises(EngineError, match="made for"):
@@ -93,7 +90,6 @@ def test_what_is_made_for_four_bars_or_chains_refuses_in_one_sentence(engine, na
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_what_is_measured_in_space_alone_refuses_the_plane(engine):
-    pytest.importorskip(engine)
     (found,) = (m for m in methods(engine, Use.BENCH) if m.name == IN_SPACE[engine])
 
     for work in (works.sweep(8), works.LoopChain("chain-10", 3)):

@@ -88,7 +88,6 @@ def test_every_form_of_follower_and_mounting_is_drawn():
 
 @pytest.mark.parametrize(("kind", "engine"), [("geared five-bar", "exudyn"), ("six-bar", "exudyn")])
 def test_an_engine_that_knows_the_joints_agrees(kind, engine):
-    pytest.importorskip(engine)
     records = [check(d.scene, [engine]) for d in sample(KINDS[kind](), 6)]
 
     assert [record.disagreements for record in records] == [[]] * 6
