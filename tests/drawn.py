@@ -27,6 +27,16 @@ from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.system import compile_system
 
 
+def pair(z):
+    """Return a point of the plane as two numbers."""
+    return complex(z).real, complex(z).imag
+
+
+def pin(name, i, point_i, j, point_j):
+    """Return a revolute joint at points of two bodies, each a complex number."""
+    return Revolute(name=name, body_i=i, point_i=pair(point_i), body_j=j, point_j=pair(point_j))
+
+
 class Drawing:
     """A pose of some bodies, and joints and drivers that fit it; laws begin with the given `rates`."""
 
@@ -36,8 +46,7 @@ class Drawing:
 
     def local(self, body, point):
         r, phi = self.pose[body]
-        u = (point - r) * cmath.exp(-1j * phi)
-        return u.real, u.imag
+        return pair((point - r) * cmath.exp(-1j * phi))
 
     def place(self, body, u):
         r, phi = self.pose[body]
@@ -62,7 +71,7 @@ class Drawing:
     def slide(self, i, j, p, q, direction, turning=False):
         """The point q of body j slides along a direction through the point p of body i; it may turn there, or not."""
         axis = direction * cmath.exp(-1j * self.pose[i][1])
-        ends = {**self.ends(i, p, j, q), "axis_i": (axis.real, axis.imag)}
+        ends = {**self.ends(i, p, j, q), "axis_i": pair(axis)}
         self.joints.append(PointOnLine(**ends) if turning else Prismatic(**ends, angle=self.angle(i, j)))
 
     def link(self, i, j, p, q):

@@ -18,13 +18,13 @@ from refkin.joints import (
     Gear,
     PointOnLine,
     Prismatic,
-    Revolute,
     XDriver,
     YDriver,
 )
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Motion
 from refkin.motion_laws import Polynomial, Sinusoid
+from tests.drawn import pair, pin
 
 EPS = float(np.finfo(float).eps)
 
@@ -68,18 +68,10 @@ def body_rows(origin: Path, angle: Angle) -> list[np.ndarray]:
     return [np.array([np.broadcast_to(x, T.shape) for x in (np.real(r), np.imag(r), phi)]) for r, phi in levels]
 
 
-def pair(z: complex) -> tuple[float, float]:
-    return complex(z).real, complex(z).imag
-
-
 T = np.linspace(0.0, 2.0, 72)
 LAW = Polynomial(coefficients=(0.6, 1.5, 0.7))
 THETA = Angle(LAW(T), LAW(T, 1), LAW(T, 2) + 0.0 * T)
 MOTOR = AngleDriver(name="motor", body="crank", law=LAW)
-
-
-def pin(name: str, i: str, point_i: complex, j: str, point_j: complex) -> Revolute:
-    return Revolute(name=name, body_i=i, point_i=pair(point_i), body_j=j, point_j=pair(point_j))
 
 
 def scene_of(

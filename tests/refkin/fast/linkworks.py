@@ -8,12 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from refkin import AngleDriver, Body, DistanceDriver, Mechanism, Polynomial, Revolute, Scene
+from refkin import AngleDriver, Body, DistanceDriver, Mechanism, Polynomial, Scene
 from refkin.joints import GROUND
-
-
-def pin(name, i, at_i, j, at_j):
-    return Revolute(name=name, body_i=i, point_i=_pair(at_i), body_j=j, point_j=_pair(at_j))
+from tests.drawn import pair, pin
 
 
 def chain(windows, *, together=False, times=None, **more):
@@ -68,8 +65,4 @@ def platform(times=None, **more):
 
 
 def _body(name, z, phi):
-    return Body(name=name, estimate=(*(round(x, 3) for x in _pair(z)), round(phi, 3)))
-
-
-def _pair(z):
-    return (complex(z).real, complex(z).imag)
+    return Body(name=name, estimate=(*(round(x, 3) for x in pair(z)), round(phi, 3)))
