@@ -13,6 +13,7 @@ import refkin
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
 from refkin.proof.path.curve import Crossing, common_roots
 from refkin.proof.path.tracing import TraceEnd
+from tests.refkin.test_mobility import parallelogram
 
 
 def stacked(bases):
@@ -71,3 +72,16 @@ def test_of_a_crossing_all_tangents_are_told_or_none():
 
     assert len(common_roots(list(forms))) == 2
     assert Crossing(np.zeros(3), 0.0, 0.0, forms, np.eye(3)).tangents == ()
+
+
+@pytest.mark.parametrize("third", [True, False])
+def test_a_third_crank_carries_a_parallelogram_through_its_flat_pose(third):
+    """Of the rows that are chosen two curves cross there; one that is redundant contradicts a direction of theirs."""
+    mechanism, _ = parallelogram(third)
+    driver = replace(mechanism.drivers[0], law=Polynomial(coefficients=(1.0, 1.0)))
+    path = refkin.follow(Scene(mechanism=replace(mechanism, drivers=(driver,)), times=(0.0, 6.0)))
+    bars = [k for k in range(2, 9, 3) if mechanism.bodies[k // 3].name != "coupler"]
+
+    assert path.end is (TraceEnd.RANGE if third else TraceEnd.BIFURCATION)
+    assert len(path.bifurcations) == (0 if third else 1)
+    assert np.max(np.abs(path.q[bars] - (1.0 + path.t))) < 1e-12

@@ -17,7 +17,9 @@ each other (for a four-bar near its change point, about its slack).
 
 With z = N a in the plane of null vectors N, phi = 0 asks to second order that psi . phi_xx[z, z] = a^T B a = 0: two
 real directions a if det B < 0, none if det B > 0 (an isolated pose), and no answer to second order if det B = 0. Where
-k rows are missing at once there are k forms on k + 1 null vectors, and up to 2^k curves.
+k rows are missing at once there are k forms on k + 1 null vectors, and up to 2^k curves. All this is of n rows; what is
+redundant has forms of its own, which directions have to satisfy, too: if one alone does, one curve goes on, and none
+crosses it.
 """
 
 from __future__ import annotations
@@ -163,7 +165,7 @@ class Crossing:
     """A singular point of the curve: x (n + 1,), mu, the k forms B (k, k + 1, k + 1) and the null vectors they are on.
 
     `explained` is the |mu| that rounding of the mechanism's numbers explains. Where k is above 1 both are those of that
-    psi whose mu is the least explained.
+    psi whose mu is the least explained. `others` (j, k + 1, k + 1) are forms of all rows, if some are redundant.
     """
 
     x: Any
@@ -171,6 +173,7 @@ class Crossing:
     explained: float
     forms: Any
     null: Any
+    others: Any = ()
 
     @property
     def is_bifurcation(self) -> bool:
@@ -186,10 +189,13 @@ class Crossing:
     def tangents(self) -> tuple[Any, ...]:
         """Unit tangents (n + 1,) of the curves that cross here; none if they are not decided to second order.
 
-        k quadratic forms have at most 2^k common directions (Bezout): these are all of them, or none is returned.
+        k quadratic forms have at most 2^k common directions (Bezout): these are all of them, or none is returned. Of
+        them those that no redundant row contradicts.
         """
         directions = roots(self.forms[0]) if len(self.forms) == 1 else common_roots(list(self.forms))
-        return tuple(self.null @ a for a in directions) if len(directions) == 2 ** len(self.forms) else ()
+        if len(directions) != 2 ** len(self.forms):
+            return ()
+        return tuple(self.null @ a for a in directions if all(abs(a @ b @ a) <= SATISFIED for b in self.others))
 
 
 def crossing(curve: Curve, guess: Any) -> Crossing | None:
@@ -251,7 +257,14 @@ def _singular(curve: Curve, x: Any, rows: Any, psis: Any) -> Crossing | None:
     both = [(_mu(curve, x, psi, rows), float(np.abs(psi) @ effect)) for psi in psis]
     mu, explained = max(both, key=lambda each: abs(each[0]) - each[1])
     forms = np.array([null.T @ curve.bend(x, psi, rows) @ null for psi in psis])
-    return Crossing(x, mu, explained, forms, null)
+    if curve.system.m == len(rows):
+        return Crossing(x, mu, explained, forms, null)
+    left, sizes, _ = np.linalg.svd(curve.slope(x))
+    if sizes[len(rows) - count] > FLAT:
+        return None
+    every = left[:, len(rows) - count :].T
+    others = [null.T @ curve.bend(x, psi, np.s_[:]) @ null for psi in every]
+    return Crossing(x, mu, explained, forms, null, np.array(others))
 
 
 def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:

@@ -95,12 +95,10 @@ class Tracer:
         if here is not None:
             x, self.at_crossing = here.x, True
         self.trace.points.append(x)
+        if here is not None and along is None and len(here.tangents) > 1:
+            return self._crossed(here, None)
         if here is not None:
-            if along is None:
-                return self._crossed(here, None)
-            tangent = max(
-                (s * t for t in here.tangents for s in (1, -1)), key=lambda t: float(t @ along), default=along
-            )
+            tangent = _nearest(here, direction * _along_t(len(x)) if along is None else along)
         else:
             tangent = self.curve.tangent(x, along) * (direction if along is None else 1)
         h = first = min(FIRST_STEP, self.max_step)
@@ -108,10 +106,12 @@ class Tracer:
             outcome = self._step(x, tangent, h)
             if isinstance(outcome, Crossing):
                 self.trace.points.append(outcome.x)
-                chosen = choose(len(self.trace.points) - 1, outcome, tangent)
-                if chosen is None:
-                    return self._crossed(outcome, tangent)
-                self.trace.crossings.append((len(self.trace.points) - 1, outcome, tangent))
+                chosen = _nearest(outcome, tangent)
+                if len(outcome.tangents) > 1:
+                    chosen = choose(len(self.trace.points) - 1, outcome, tangent)
+                    if chosen is None:
+                        return self._crossed(outcome, tangent)
+                    self.trace.crossings.append((len(self.trace.points) - 1, outcome, tangent))
                 x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), first
                 self.at_crossing = True
                 continue
@@ -308,6 +308,11 @@ def _turns_twice(x: Any, tangent: Any, new: Any, after: Any) -> bool:
     slope, bend = 4 * middle - 3 * first - last, 2 * (first + last - 2 * middle)
     within = bend > 0.0 and 0.0 < -slope < 2 * bend
     return within and first - slope * slope / (4 * bend) < min(first, last) / 4
+
+
+def _nearest(here: Crossing, along: Any) -> Any:
+    """Return of the tangents at a crossing, either way, the one that goes most along a vector."""
+    return max((sign * t for t in here.tangents for sign in (1, -1)), key=lambda t: float(t @ along), default=along)
 
 
 def _along_t(size: int) -> Any:
