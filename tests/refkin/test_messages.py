@@ -103,7 +103,7 @@ SAID = {
         scene("unassemblable-but-assembled"),
         scene("redundant-one-ulp"),
     ),
-    "assembly {} of {}{}": (estimated(rocker=None), estimated()),
+    "assembly {} of {}": (estimated(rocker=None), estimated()),
     "no estimate for {}": (estimated(rocker=None), estimated(rocker=(1e20, 0.0, 0.0))),
     "an estimate beyond all digits for {}": (estimated(rocker=(1e20, 0.0, 0.0)), estimated(rocker=None)),
     "{} (gap at least {} of the size {} m)": (held(0.9, 0.9), held(1.2, 1.2)),
@@ -112,7 +112,7 @@ SAID = {
 ELSEWHERE = {
     "the scene has no first pose: {}": "test_diagnose.py: redundant_rows_that_contradict_each_other",
     "q: {} numbers; expected {}, or {} without parameters": "test_diagnose.py: has_too_few_coordinates",
-    "rates at t = {} are too large for numbers": "test_hostile_scenes.py: a_time_whose_accelerations_are_beyond",
+    "rates at t = {} are too large for numbers": "test_hostile_scenes.py: rates_beyond_all_numbers",
     "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -254,3 +255,10 @@ def test_of_blocks_the_smallest_determinant_counts_with_or_without_a_batch(one):
 
     assert both.determinants(slope) == ([1.0, -1.0], min(math.log(one), 0.0))
     assert (signs.tolist(), logarithms.tolist()) == ([[1.0, -1.0]], [min(math.log(one), 0.0)])
+
+
+def test_a_plate_that_does_not_turn_is_proved_to_stay_on_its_branch():
+    """Its Euler parameters stand still: tubes as thin as their rates held no others, and the branch was called lost."""
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-delta-robot.toml")
+
+    assert refkin.solve(scene).verdict == "ok"

@@ -32,6 +32,9 @@ from refkin.system import System
 
 FLOOR = 2.0**-36
 """Smallest half-width of a tube in units of its largest: a smaller one would only magnify what rounding leaves."""
+WIDTHS, WIDER = 3, 0.625
+"""How many widths are tried, each of as much of what the one before needed: a coordinate that hardly moves, as those of
+a plate that does not turn, needs what the others lend it."""
 BITS = 113
 Between = Callable[[System, Any, float, float], Any]
 """Finds, from the pose q (n,) of a system at a time, the pose at a later time on the same branch; None if it cannot."""
@@ -53,9 +56,13 @@ class Tubes:
             moving = pose.carried(off_by(pose.rows_of(slope), v, pose.rows_of(nu)))
             eta = UP * (np.abs(at_middle[0]) + at_middle[1] + half * (np.abs(moving[0]) + moving[1]))
             self.w = w = eta + off + np.maximum(FLOOR * np.max(eta, axis=0), 64 * U)
-            wide = pose.slope_over(UP * (swept + 2 * w), over)
-            defect = pose.defect_on(wide, 2 * w) + pose.spread_on(wide.spread, 2 * w)
-            self.proved = np.all(UP * (eta + defect) <= 2 * w, axis=0)
+            for _ in range(WIDTHS):
+                wide = pose.slope_over(UP * (swept + 2 * w), over)
+                needed = UP * (eta + pose.defect_on(wide, 2 * w) + pose.spread_on(wide.spread, 2 * w))
+                self.w, self.proved = w, np.all(needed <= 2 * w, axis=0)
+                if self.proved.all():
+                    break
+                w = np.where(self.proved, w, np.maximum(w, WIDER * needed))
 
 
 @dataclass
@@ -120,8 +127,13 @@ class ConnectionProof:
         ends = [2 * (x.rad() + y.rad()) for x, y in zip(first.q, last.q, strict=True)]
         floor = max(eta) * 2.0**-70 + arb(2) ** -100
         w = [(x + r + floor).upper() for x, r in zip(eta, ends, strict=True)]
-        wide = [x + arb(0, 2 * y) for x, y in zip(line, w, strict=True)]
         identity = arb_mat(len(w), len(w), 1)
-        defect = identity - inverse * over.slope(wide)
-        reach = [sum((abs(defect[i, j]) * 2 * w[j] for j in range(len(w))), arb(0)) for i in range(len(w))]
-        return all(e + r < 2 * x for e, r, x in zip(eta, reach, w, strict=True))
+        for _ in range(WIDTHS):
+            wide = [x + arb(0, 2 * y) for x, y in zip(line, w, strict=True)]
+            defect = identity - inverse * over.slope(wide)
+            reach = [sum((abs(defect[i, j]) * 2 * w[j] for j in range(len(w))), arb(0)) for i in range(len(w))]
+            needed = [(e + r).upper() for e, r in zip(eta, reach, strict=True)]
+            if all(y < 2 * x for y, x in zip(needed, w, strict=True)):
+                return True
+            w = [max(x, (WIDER * y).upper()) for x, y in zip(w, needed, strict=True)]
+        return False
