@@ -74,7 +74,7 @@ def find_start(system: System, scene: Scene) -> Start:
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first.q, t):
             return Start(Status.OK, first.q)
         search = assemblies(system, t)
-        own = None if missing or search.complete or not _contradicted(system, first, t) <= 1.0 else first.q
+        own = None if missing or search.complete else _own(system, search, estimate, first, t)
         if search.poses:
             return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
         if search.unassemblable:
@@ -153,6 +153,16 @@ def _leads_to_one(system: System, q: Any, t: float) -> bool:
     return bool(sigma_min(jacobian) > SINGULAR)
 
 
+def _own(system: System, search: Assemblies, estimate: Any, first: NewtonResult, t: float) -> Any:
+    """Return the assembly to which Newton's method goes from the estimate, or least squares where no driver holds it.
+
+    None if it is none, or one that least squares came to and the search knows.
+    """
+    found = first if first.converged else least_squares(system, estimate, t)
+    known = not first.converged and any(np.max(np.abs(found.q - q)) <= SAME for q in search.poses)
+    return found.q if not known and _contradicted(system, found, t) <= 1.0 else None
+
+
 def _contradicted(system: System, found: NewtonResult, t: float) -> float:
     """Return by how many times what rounding explains redundant rows contradict a root; inf if it is none.
 
@@ -178,7 +188,7 @@ def _choice(
 
     A coordinate in which all agree, as that of a driven crank, counts for half a turn at most, lest its square swallow
     the others.
-    Where not all assemblies are known, that to which Newton's method went, `own`, is one of them. A singular one is
+    Where not all assemblies are known, that to which the estimate led, `own`, is one of them. A singular one is
     chosen only where it is much nearer than all others: no motion starts there. It may be the only one: all were looked
     for because the estimate alone did not decide.
     """
@@ -201,7 +211,8 @@ def _choice(
     why = f"no estimate for {', '.join(absent)}" if absent else doubt
     why = f"an estimate beyond all digits for {', '.join(far)}" if far and not absent else why
     if nearest == len(search.poses):
-        return poses[nearest], f"{why}: Newton's, {f'nearer than {others} others' if others else 'the only one'} found"
+        told = f"nearer than {others} others" if others else "the only one"
+        return poses[nearest], f"{why}: that of the estimate, {told} found"
     many = max(len(search.poses), others + 1)
     which = f"assembly {nearest + 1} of {many}" if many > 1 else "the only assembly"
     which += "" if search.complete else " found"

@@ -120,7 +120,7 @@ ELSEWHERE = {
     "{}; poses of some of the redundant rows contradict others: {} times what rounding explains": (
         "space/test_unseen_scenes.py: nothing_starts"
     ),
-    "{}: Newton's, {} found": "test_messages.py: an_assembly_that_alone_was_found",
+    "{}: that of the estimate, {} found": "test_messages.py: an_assembly_that_alone_was_found",
     "nearer than {} others": "test_messages.py: an_assembly_that_alone_was_found",
     "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",
     "{}: the bounds cover inverses of a Frobenius norm up to {} / sigma_min of all rows": (
@@ -183,8 +183,8 @@ def test_an_assembly_that_alone_was_found_is_not_said_to_be_nearer_than_itself()
     """Of two links in line both Newton's method and the search find the one assembly, to the root of rounding."""
     alone, among = (refkin.solve(given) for given in (scene("stretched"), peaucellier(0.3, 0)))
 
-    assert says(alone, "Newton's, the only one found"), alone.message
-    assert says(among, "Newton's, nearer than {} others found"), among.message
+    assert says(alone, "that of the estimate, the only one found"), alone.message
+    assert says(among, "that of the estimate, nearer than {} others found"), among.message
 
 
 def test_a_step_that_is_never_certain_is_not_blamed_on_a_singular_pose(monkeypatch):

@@ -14,7 +14,7 @@ import refkin
 from refkin.errors import InvalidScene
 from refkin.joints import SPATIAL_JOINT_TYPES, AngleDriver, XDriver, YDriver
 from refkin.joints.spatial import PointOnPlane
-from refkin.model import Body, Mechanism
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.proof.singularity.second_order import balance
 from refkin.scenes.linkages import ScrewJack
@@ -180,6 +180,17 @@ def test_a_third_crank_of_a_parallelogram_is_redundant_and_named():
         *("crank pivot", "crank pin", "rocker pivot", "rocker pin"),
         *("third pivot", "third pin"),
     }
+
+
+def test_a_third_crank_in_the_place_of_a_driver_holds_nothing_and_the_estimate_stays():
+    """By count nothing is missing; the pose given was the flat one, 2 rad away."""
+    mechanism, q = parallelogram(third_crank=True)
+    bodies = tuple(replace(b, estimate=tuple(np.round(b.estimate, 2))) for b in mechanism.bodies)
+    motion = refkin.solve(Scene(mechanism=replace(mechanism, bodies=bodies, drivers=()), times=(0.0,)))
+
+    assert motion.verdict == "singular"
+    assert motion.q[:, 0] == pytest.approx(q, abs=0.01)
+    assert "idle motion: no driver holds" in motion.message
 
 
 def test_a_third_crank_of_another_length_makes_a_structure():
