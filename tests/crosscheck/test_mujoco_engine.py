@@ -14,6 +14,10 @@ from crosscheck.engines.mujoco.model import Plan
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.measure.check import check
+from refkin.joints import GROUND, AngleDriver, Prismatic, Revolute, XDriver
+from refkin.model import Body, Effect, Mechanism, Point, Scene
+from refkin.motion_laws import Polynomial
 
 from .exact_linkages import excess, four_bar
 
@@ -26,6 +30,26 @@ def test_mujoco_leaves_no_log_behind_when_it_warns(tmp_path: Path, monkeypatch: 
     warned = sum(w.number for w in rows.data.warning)
 
     assert (warned > 0, list(tmp_path.iterdir())) == (True, [])
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6])
+def test_a_point_of_an_arm_that_slid_far_keeps_the_digits_of_its_velocity(far: float) -> None:
+    slide = Prismatic(name="p", body_i=GROUND, body_j="s", point_i=(0, 0), point_j=(0, 0), axis_i=(1, 0), angle=0)
+    pin = Revolute(name="q", body_i="s", point_i=(1, 0), body_j="t", point_j=(0, 0))
+    drivers = (
+        XDriver(name="x", body="s", point=(0, 0), law=Polynomial(coefficients=(far, 1.0))),
+        AngleDriver(name="a", body="t", law=Polynomial(coefficients=(0.2, 10.0))),
+    )
+    bodies = Body(name="s", estimate=(far, 0, 0)), Body(name="t", estimate=(far + 1, 0, 0.2))
+    scene = Scene(
+        name="slid far",
+        mechanism=Mechanism(bodies=bodies, joints=(slide, pin), drivers=drivers),
+        times=(0.0, 1.0, 2.0),
+        effects=frozenset({Effect.VELOCITY, Effect.ACCELERATION}),
+        points=(Point(name="p", body="t", position=(0.7, 0.1)),),
+    )
+
+    assert check(scene, ["mujoco"]).disagreements == []
 
 
 # ---- planted faults: the checks above must turn red

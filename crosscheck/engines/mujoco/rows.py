@@ -41,11 +41,17 @@ class _Points:
         self.reads: list[Read] = list(zip(self._kept, views, strict=True))
 
     @cached_property
-    def r(self) -> Array:
-        """Positions (B, P, 2)."""
+    def _parts(self) -> tuple[Array, Array]:
+        """Origins of their bodies (B, P, 2), and the way from there, of which `r` far away has fewer digits."""
         x, frames = (kept.take(self._bodies, axis=1) for kept in self._kept[:2])
         turned: Array = frames[:, :, 0:4:3] * self._u[:, :1] + frames[:, :, 1:5:3] * self._u[:, 1:]
-        return x[:, :, :2] + turned
+        return x[:, :, :2], turned
+
+    @cached_property
+    def r(self) -> Array:
+        """Positions (B, P, 2)."""
+        x, turned = self._parts
+        return x + turned
 
     @cached_property
     def jacobian(self) -> Array:
@@ -62,7 +68,8 @@ class _Points:
 
     def _at_points(self, twists: Array) -> Array:
         """Return the velocities (B, P, 2, n) that twists (B, n, 6) of joints give the points that they move."""
-        off = self.r - self._kept[2].take(self._roots, axis=1)[:, :, :2]
+        x, turned = self._parts
+        off = x - self._kept[2].take(self._roots, axis=1)[:, :, :2] + turned
         twists = twists.take(self._columns, axis=1)[:, None]
         out = np.empty((*off.shape, len(self._columns)))
         out[:, :, 0] = twists[..., 3] - twists[..., 2] * off[:, :, 1:]
