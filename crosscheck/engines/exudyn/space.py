@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from exudyn import HT
 from exudyn import itemInterface as item
 
 from crosscheck.engines import EngineRefusal, Level, Term
@@ -60,6 +61,7 @@ HELD = {(F, H): 4, (G, H): 3, (F, G): 5, (H, H): 5}
 NO_TWIST = "of a turn exudyn has f_i . g_j alone, which says how far it is only where the axes are parallel"
 FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
+STRAIGHT = np.eye(3)
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 STILL_TERMS = tuple(
     Term(
@@ -82,7 +84,7 @@ STILL_TERMS = tuple(
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialRow(ExudynRow):
-    """A row of a joint, or of the driver of one; a shift along an axis is by the place of a marker."""
+    """A row of a joint, or of the driver of one, which sets the frame of a marker."""
 
     hold: Hold
     drive: Drive | None = None
@@ -122,14 +124,18 @@ class ExudynSpace(ExudynSystem):
 
     # building
 
-    def _markers(self, hold: Hold) -> list[Any]:
-        places = [(self.bodies[body], list(map(float, hold.end(body)[0]))) for body in hold.bodies]
-        return [self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=body, localPosition=u)) for body, u in places]
+    def _markers(self, hold: Hold, i: Any = STRAIGHT, j: Any = STRAIGHT) -> list[Any]:
+        """Return markers at the ends of a joint, with frames i and j."""
+        ends = [
+            (self.bodies[b], HT(rotation=at, translation=hold.end(b)[0]))
+            for b, at in zip(hold.bodies, (i, j), strict=True)
+        ]
+        return [self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=body, localHT=at)) for body, at in ends]
 
-    def _generic(self, markers: list[Any], axis: int, i: Any, j: Any) -> Any:
-        """Add a generic joint that holds one axis, between the frames i and j of markers."""
-        held, frames = [int(k == axis) for k in range(6)], {"rotationMarker0": i, "rotationMarker1": j}
-        return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames))
+    def _generic(self, markers: list[Any], axis: int) -> Any:
+        """Add a generic joint that holds one axis between markers."""
+        held = [int(k == axis) for k in range(6)]
+        return self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held))
 
     def _add(self, hold: Hold, number: Any, which: Sequence[int] = (), **more: Any) -> None:
         """Take in a row of a joint, or of a driver, as a row of an exudyn object; of axes it is about these columns."""
@@ -150,8 +156,8 @@ class ExudynSpace(ExudynSystem):
             self._add(hold, number, row=next(ours), own=own, what=what[0], factor=factor, form=form, **said)
 
         if hold.kind == JointKind.REVOLUTE:
-            frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
-            revolute = self.mbs.AddObject(item.ObjectJointRevoluteZ(markerNumbers=self._markers(hold)[::-1], **frames))
+            markers = self._markers(hold, hold.frame_i, hold.frame_j)[::-1]
+            revolute = self.mbs.AddObject(item.ObjectJointRevoluteZ(markerNumbers=markers))
             for k in range(3):
                 add(revolute, k, ("d", k), -1.0)
             add(revolute, 3, ("dot", F, H))
@@ -168,21 +174,19 @@ class ExudynSpace(ExudynSystem):
             own, i, j = HELD[what[1:]] if what[0] == "dot" else what[1], hold.frame_i, hold.frame_j
             if what == CROSSED:
                 i, j = i[:, [H, F, G]], j[:, [G, H, F]]
-            add(self._generic(self._markers(hold), own, i, j), own, what)
+            add(self._generic(self._markers(hold, i, j), own), own, what)
 
     def _driver(self, drive: Drive) -> None:
         hold = drive.hold
-        markers = self._markers(hold)
-        more: dict[str, Any] = {"name": drive.name, "row": drive.row, "drive": drive}
+        markers = self._markers(hold, hold.frame_i, hold.frame_j)
+        more: dict[str, Any] = {"name": drive.name, "row": drive.row, "drive": drive, "marker": markers[0]}
         if drive.kind == JointKind.DISTANCE:
             rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=markers, distance=1.0))
             self._add(hold, rod, what="length", law=0, **more)
         elif drive.kind == JointKind.ANGLE:
-            joint = self._generic(markers[::-1], 5, hold.frame_j, hold.frame_i)
-            self._add(hold, joint, own=5, what="dot", which=(G, F), **more)
+            self._add(hold, self._generic(markers[::-1], 5), own=5, what="dot", which=(G, F), **more)
         elif drive.kind == JointKind.DISPLACEMENT:
-            joint = self._generic(markers, 2, hold.frame_i, hold.frame_j)
-            self._add(hold, joint, own=2, what="along", which=(H,), marker=markers[0], **more)
+            self._add(hold, self._generic(markers, 2), own=2, what="along", which=(H,), **more)
         else:
             raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
 
@@ -205,11 +209,13 @@ class ExudynSpace(ExudynSystem):
         for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == "length":
                 self.set_length(line.item, line.name, t, abs(f))
-            elif line.what == "dot":
-                self.mbs.SetObjectParameter(line.item, "rotationMarker1", line.hold.frame_i @ about_z(f))
             else:
-                place = line.hold.u_i + f * line.hold.frame_i[:, H]
-                self.mbs.SetMarkerParameter(line.marker, "localPosition", place.tolist())
+                frame, place = line.hold.frame_i, line.hold.u_i
+                if line.what == "dot":
+                    frame = frame @ about_z(f)
+                else:
+                    place = place + f * frame[:, H]
+                self.mbs.SetMarkerParameter(line.marker, "localHT", HT(rotation=frame, translation=place))
         self.t = t
 
     def coordinates(self) -> Array:
