@@ -33,7 +33,7 @@ def test_the_programs_run_one_after_the_other_and_engines_agree(capsys):
 SAMPLE = json.loads((ROOT / "reports/sample/report.json").read_text(encoding="utf-8"))
 ROWS_OF_ANSWERS = {
     "exudyn, its static solver, tight tolerance": ("exudyn", "static"),
-    "exudyn, default settings": ("exudyn", "shipped"),
+    "exudyn, default tolerances": ("exudyn", "shipped"),
     "Pinocchio's equations, our Newton iteration": ("pinocchio", "joint tree"),
     "MuJoCo's equations, our Newton iteration": ("mujoco", "newton"),
     "formulas without iteration (no engine)": ("closed_form", "float"),

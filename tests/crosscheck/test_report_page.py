@@ -362,7 +362,7 @@ def test_scene_that_a_run_shrunk_is_called_minimal_when_the_page_is_made_again(t
     ("text", "quantity", "expected"),
     [
         ("numpy", "position", "numpy"),
-        ("exudyn (SolveStatic, default settings)", "position", "exudyn"),
+        ("exudyn (SolveStatic, default tolerances)", "position", "exudyn"),
         ("position: exudyn; velocity, acceleration: adapter (numpy)", "position", "exudyn"),
         ("position: exudyn; velocity, acceleration: adapter (numpy)", "acceleration", "adapter"),
         ("exudyn at qdd = 0, combined by the adapter", "acceleration", "exudyn at qdd = 0 …"),

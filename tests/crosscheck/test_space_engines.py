@@ -162,7 +162,7 @@ def test_exudyn_starts_from_no_cubic_where_a_spin_depends_on_the_way() -> None:
 
 
 def test_exudyn_names_the_screw_that_it_refuses() -> None:
-    with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: exudyn has no screw joint"):
+    with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: the adapter makes no screw of"):
         load("exudyn").solve(space_scenes.screw_jack())
 
 

@@ -2,7 +2,8 @@
 
 Two routes. `static` is exudyn at its best: lengths in units of the mechanism's size, a tight absolute tolerance, and a
 march over the times that predicts each pose from exudyn's own velocities and halves the step where it goes astray.
-`shipped` is what a user gets who changes no setting: metres, default tolerances, each solve started at the last answer.
+`shipped` starts each solve at the last answer: in the plane in metres with every default; in space in sizes, with
+default tolerances and steps, and a linear solver that bears redundant rows and passive spins.
 
 exudyn does no velocity or acceleration analysis and exposes no linear solver, so those two systems are solved here.
 """
@@ -60,7 +61,7 @@ STATIC = route_by(
     linear_solve_by="position: exudyn; velocity, acceleration: adapter (numpy)",
     drift_by="exudyn's point accelerations at qdd = 0, combined by the adapter; f'' of drivers by the adapter",
 )
-SHIPPED = replace(STATIC, name="shipped", newton_by="exudyn (SolveStatic, default settings)")
+SHIPPED = replace(STATIC, name="shipped", newton_by="exudyn (SolveStatic, default tolerances)")
 
 _SOLVED = Capability(Support.NATIVE, "positions; the linear systems of velocity and acceleration are the adapter's")
 
@@ -74,7 +75,7 @@ _FROM_AXES = _rows("the adapter's product rule on exudyn's rotations, rates and 
 _LINEAR = _rows("a linear row: the adapter knows that nothing drifts")
 _SET = {
     **_rows("the adapter's product rule; f' and f'' by the adapter"),
-    Level.CONSTRAINT_VELOCITY: derived("a frame that is set anew at each time takes no rate: f' by the adapter"),
+    Level.CONSTRAINT_VELOCITY: derived("the adapter sets a frame at each time, which takes no rate: f' by the adapter"),
 }
 _CYLINDER = {
     Level.RESIDUAL: derived("exudyn's |d| - f, f set by the adapter, turned into (d . d - f^2) / 2"),
@@ -101,7 +102,7 @@ CAPABILITIES: Capabilities = {
     "shift along axis by a law": _SET,
     "distance of space by a law": _CYLINDER,
     "twist about axis": {**_FROM_AXES, Level.SOLVE: refused(NO_TWIST)},
-    "screw": dict.fromkeys(Level, refused("exudyn has no screw joint")),
+    "screw": dict.fromkeys(Level, refused("the adapter makes no screw of exudyn's relative coordinates")),
 }
 
 

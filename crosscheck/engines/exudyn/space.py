@@ -19,8 +19,10 @@ displacement        the same as h_i.d, marker i shifted by f at each time       
 
 A generic joint that holds two rotations at once has other rows. Rows of displacements and rotations that it leaves free
 are exudyn's multipliers; they are not read. Its Jacobian with respect to Euler parameters is right after projection on
-columns (v, w) alone, which is how it is read here. It knows no rate of a driver: f' is added by the adapter. Drift
-terms are made as in the plane (`readings`): at zero q'' accelerations of points are w x (w x u).
+columns (v, w) alone, which is how it is read here. What laws move is set anew at each time, and takes no rate: f' is
+added by the adapter. (exudyn's MarkerBodiesRelativeRotationCoordinate, about any axis, counts turns, and with a
+CoordinateConstraint would make drivers that take one, and screws; the adapter makes neither.) Drift terms are made as
+in the plane (`readings`): at zero q'' accelerations of points are w x (w x u).
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ from refkin.model import Mechanism
 Array = Any
 HELD = {(F, H): 4, (G, H): 3, (F, G): 5, (H, H): 5}
 """Which axis of a generic joint holds f, g or h of i across one of j."""
-NO_TWIST = "of a turn exudyn has f_i . g_j alone, which says how far it is only where the axes are parallel"
+NO_TWIST = "of a turn the adapter takes f_i . g_j alone, which says how far it is only where the axes are parallel"
 FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
 STRAIGHT = np.eye(3)
@@ -147,7 +149,7 @@ class ExudynSpace(ExudynSystem):
 
     def _joint(self, hold: Hold) -> None:
         if hold.kind in COUNTED | {JointKind.OTHER}:
-            raise EngineRefusal(f"exudyn refuses {hold.kind} {hold.name!r}: it has no such joint")
+            raise EngineRefusal(f"exudyn refuses {hold.kind} {hold.name!r}: the adapter makes no such joint")
         ours = iter(hold.rows)
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
@@ -308,7 +310,7 @@ class ExudynSpaceRows(ExudynSpace):
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
         holds = [hold for hold in numbers.holds if hold.name in known]
-        # the driver of a screw counts turns by a coordinate of its own, which exudyn has not
+        # the driver of a screw counts turns by a coordinate, which the adapter makes none of
         counted = {hold.name for hold in numbers.holds if hold.kind in COUNTED}
         drives = [d for d in numbers.drives if d.name in known and d.hold.name not in counted]
         super().__init__(numbers, holds, drives)

@@ -2,7 +2,8 @@
 
 `static` starts where exudyn's own velocity points, halves the step where its Newton ends elsewhere, and takes no pose
 in which axes that should have one direction have opposite ones, or a driven angle is off by pi: exudyn's rows are zero
-there too. `shipped` is what a user gets who changes no setting: each solve starts at the last answer, and is believed.
+there too. `shipped` has default tolerances and steps: each solve starts at the last answer, and is believed. Its linear
+solver is not the default one, which stops where a spin is passive or rows are redundant; lengths are in sizes.
 """
 
 from __future__ import annotations

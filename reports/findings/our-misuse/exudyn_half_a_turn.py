@@ -1,8 +1,9 @@
-"""exudyn: SolveStatic, led on by half a turn, reports success with the crank where it was.
+"""exudyn: SolveStatic, led on by nearly half a turn, reports success with the crank half a turn off.
 
 A crank turns on a revolute joint; a generic joint whose frame is turned by the wanted angle at each step prescribes it.
 The residual of a rotation about a joint axis is a scalar product of two axes, which is as small half a turn away. A
-coordinate constraint on the node's rotation coordinate has the angle itself for a residual, and says no success.
+coordinate constraint on the relative rotation of the two bodies, which counts turns and may be about any axis, has the
+angle itself for a residual, and comes to it over less than half a turn; over exactly half a turn it says no success.
 
 Class: our misuse. Documentation: "relative tolerance of residual for Newton (general goal of Newton is to
 decrease the residual by this factor)" (exudyn 1.13, NewtonSettings.relativeTolerance). Since: 1.13.6; no other
@@ -15,9 +16,10 @@ import sys
 import exudyn as exu
 from exudyn.itemInterface import (
     CoordinateConstraint,
+    MarkerBodiesRelativeRotationCoordinate,
     MarkerBodyRigid,
     MarkerNodeCoordinate,
-    MarkerNodeRotationCoordinate,
+    NodeGenericData,
     NodePointGround,
     NodeRigidBodyEP,
     ObjectGround,
@@ -45,7 +47,9 @@ def crank(by_coordinate):
     mbs.AddObject(ObjectJointRevoluteZ(markerNumbers=[at(ground), at(body)]))
     if by_coordinate:
         still = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
-        turned = mbs.AddMarker(MarkerNodeRotationCoordinate(nodeNumber=node, rotationCoordinate=2))
+        turns = mbs.AddNode(NodeGenericData(initialCoordinates=[0.0], numberOfDataCoordinates=1))
+        both = {"bodyNumbers": [ground, body], "axis0": [0, 0, 1], "nodeNumber": turns}
+        turned = mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(**both))
         held = mbs.AddObject(CoordinateConstraint(markerNumbers=[still, turned], offset=0.0))
         put = lambda angle: mbs.SetObjectParameter(held, "offset", angle)
     else:
@@ -76,7 +80,7 @@ def main():
         print("coordinate constraint" if by_coordinate else "generic joint")
         _, mbs, put, node = crank(by_coordinate)
         off[by_coordinate] = False
-        for wanted in (0.0, 1.0, 1.0 + math.pi):
+        for wanted in (0.0, 1.0, 4.0):
             success, angle = solve(mbs, put, node, wanted)
             told = f"success, {angle % (2 * math.pi):.6f} rad" if success else "no success"
             print(f"wanted {wanted:.6f} rad: {told}")
