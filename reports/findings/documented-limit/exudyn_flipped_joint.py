@@ -3,8 +3,8 @@
 A body on a revolute joint about z, its angle held at 0.5 rad by a generic joint about the same axis, from a start that
 is turned about x. The rows of both joints are dot products of axes, which are zero on a reversed axis as well.
 
-Class: documented limit. Documentation: "this avoids 180° flips of the standard configuration in static computations"
-(exudyn 1.13, ObjectJointGeneric.alternativeConstraints, of an experimental flag that is off). Since: 1.13.6; no other
+Class: documented limit. Documentation: "relative tolerance of residual for Newton (general goal of Newton is to
+decrease the residual by this factor)" (exudyn 1.13, NewtonSettings.relativeTolerance). Since: 1.13.6; no other
 version was run.
 """
 
