@@ -260,7 +260,7 @@ def _bit(effect: str) -> int:
 
 
 def _of_order_one(axis: joints.Pair) -> joints.Pair:
-    """Return the axis times a power of two: MuJoCo scales it to length 1, but takes none below 1e-14."""
+    """Return the axis times a power of two: MuJoCo scales it to length 1, but takes none as short as 1e-7."""
     exponent = max(math.frexp(a)[1] for a in axis if a != 0.0)
     return math.ldexp(axis[0], -exponent), math.ldexp(axis[1], -exponent)
 
