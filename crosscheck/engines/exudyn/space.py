@@ -20,9 +20,9 @@ displacement        the same as h_i.d, marker i shifted by f at each time       
 A generic joint that holds two rotations at once has other rows. Rows of displacements and rotations that it leaves free
 are exudyn's multipliers; they are not read. Its Jacobian with respect to Euler parameters is right after projection on
 columns (v, w) alone, which is how it is read here. What laws move is set anew at each time, and takes no rate: f' is
-added by the adapter. (exudyn's MarkerBodiesRelativeRotationCoordinate, about any axis, counts turns, and with a
-CoordinateConstraint would make drivers that take one, and screws; the adapter makes neither.) Drift terms are made as
-in the plane (`readings`): at zero q'' accelerations of points are w x (w x u).
+added by the adapter. (Constraints of exudyn's relative coordinates, about any axis, would make drivers that take one,
+and screws; the adapter makes neither.) Drift terms are made as in the plane (`readings`): at zero q'' accelerations of
+points are w x (w x u).
 """
 
 from __future__ import annotations
@@ -128,10 +128,8 @@ class ExudynSpace(ExudynSystem):
 
     def _markers(self, hold: Hold, i: Any = STRAIGHT, j: Any = STRAIGHT) -> list[Any]:
         """Return markers at the ends of a joint, with frames i and j."""
-        ends = [
-            (self.bodies[b], HT(rotation=at, translation=hold.end(b)[0]))
-            for b, at in zip(hold.bodies, (i, j), strict=True)
-        ]
+        frames = zip(hold.bodies, (i, j), strict=True)
+        ends = [(self.bodies[b], HT(rotation=frame, translation=hold.end(b)[0])) for b, frame in frames]
         return [self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=body, localHT=at)) for body, at in ends]
 
     def _generic(self, markers: list[Any], axis: int) -> Any:
@@ -213,10 +211,7 @@ class ExudynSpace(ExudynSystem):
                 self.set_length(line.item, line.name, t, abs(f))
             else:
                 frame, place = line.hold.frame_i, line.hold.u_i
-                if line.what == "dot":
-                    frame = frame @ about_z(f)
-                else:
-                    place = place + f * frame[:, H]
+                frame, place = (frame @ about_z(f), place) if line.what == "dot" else (frame, place + f * frame[:, H])
                 self.mbs.SetMarkerParameter(line.marker, "localHT", HT(rotation=frame, translation=place))
         self.t = t
 

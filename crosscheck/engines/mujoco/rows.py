@@ -50,8 +50,7 @@ class _Points:
     @cached_property
     def r(self) -> Array:
         """Positions (B, P, 2)."""
-        x, turned = self._parts
-        return x + turned
+        return self._parts[0] + self._parts[1]
 
     @cached_property
     def jacobian(self) -> Array:
