@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, Term
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
+from crosscheck.engines.poses import EPS
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine, State, at_places
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import cross, length, parameters
 from refkin.joints import GROUND
+from refkin.model import Scene
 
 Array = Any
 HINGE, SLIDE, BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
@@ -33,6 +35,16 @@ JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
     JointKind.FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
     JointKind.FIXED: [],
 }
+
+
+def slides(scene: Scene) -> Iterator[Term]:
+    """Yield what the rounding of an axis, which MuJoCo turns by a quaternion, makes of a long way along it."""
+    size, t = scene.mechanism.size(), np.array(scene.times)
+    given = (law for c in scene.mechanism.drivers if c.type == "displacement" for law in c.laws)
+    ways = [float(np.max(np.abs(law(t, 0)))) / size for law in given]
+    if ways:
+        why = "the axis of a slide is turned by the quaternion of its frame: four roundings of as far as it goes"
+        yield Term(name="axes of slides", level="position", reason=why, absolute=4.0 * EPS * max(ways))
 
 
 class MujocoSpace(SpaceEngine):
