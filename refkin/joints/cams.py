@@ -85,7 +85,7 @@ AnyProfile = Annotated[Disc | Polar, ByKind()]
 
 @dataclass(frozen=True, kw_only=True)
 class Cam(BetweenPoints):
-    """A follower on a cam: body i carries the profile around point_i, body j touches it.
+    """A follower on a cam: body i carries the profile around point_i, body j touches it, at one place that is followed.
 
     The follower is a point (point_j), a roller around point_j (`roller_radius`), or a flat face through point_j with
     the normal `normal_j`, in the frame of body j, which points from the cam to the follower. A disc takes one row,
