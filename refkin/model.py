@@ -139,6 +139,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         expect("mechanism", self.mechanism, Mechanism)
+        expect("name", self.name, str)
         rows = {"times": tuple, "points": tuple, "effects": frozenset, "evidence": frozenset}
         rows |= {"bodies_wanted": tuple} if self.bodies_wanted is not None else {}
         for name, kind in rows.items():  # a list will do, or a range

@@ -15,6 +15,7 @@ import numpy as np
 
 from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
+from refkin.joints.drivers import Driver
 from refkin.joints.elements import GROUND
 
 LONGEST = 1e300
@@ -67,11 +68,11 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
             yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
             return
         for key in () if hasattr(c, "joint") else ("body", "body_i", "body_j", "relative_to"):  # else its joint's
-            body = getattr(c, key, None)
-            if body is not None and body not in known:
+            if (body := getattr(c, key, GROUND)) not in known:
                 yield _no_body(f"{path}.{key}", body, known)
         if c.bodies[0] == c.bodies[1]:
-            yield Fault(path, c.bodies[0], "two different bodies")
+            pair = "two different bodies" + ", this one and `relative_to`" * hasattr(c, "relative_to")
+            yield Fault(f"{path}.body" if hasattr(c, "body") else path, c.bodies[0], pair)
         yield from c.faults(path)
     rows = [c for _, c in constraints]
     missing = own.width * len(bodies) - sum(c.independent - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
@@ -136,11 +137,12 @@ def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> 
 def _type_faults(path: str, item: Any) -> Iterator[Fault]:
     """Yield what holds no number, or not as many as its annotation says, in a dataclass or a row of them."""
     kind, one, _ = path.partition("[")
-    of_joints = "." in path or hasattr(item, "type") == (kind in ("joint", "driver"))
+    known = isinstance(item, Constraint) + isinstance(item, Driver)  # a driver is a constraint, and no joint
+    of_kind = "." in path or known == {"joint": 1, "driver": 2}.get(kind, 0)
     if isinstance(item, tuple) and not one:
         for k, part in enumerate(item):
             yield from _type_faults(f"{path}[{k}]", part)
-    elif not (one and _is_instance(item) and of_joints):
+    elif not (one and _is_instance(item) and of_kind):
         yield Fault(path, item, f"a {kind}" if one else "a tuple, or a list")
     else:
         for key in fields(item):
@@ -159,7 +161,7 @@ def _is_instance(item: Any) -> bool:
 
 
 def _is_number(x: Any) -> bool:
-    return isinstance(x, float) or (isinstance(x, int) and abs(x) < LONGEST)
+    return isinstance(x, float) or (type(x) is int and abs(x) < LONGEST)
 
 
 @cache

@@ -11,22 +11,26 @@ import pytest
 
 import refkin
 import refkin.scenes.files
-from refkin import AngleDriver, Body, Mechanism, Point, Polynomial, Revolute, Scene, Table
+from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def mechanism(pin=(0.0, 0.0), law=None, estimate=(0.0, 0.0, 0.0), name="crank"):
+LAW = Polynomial(coefficients=(0.0, 1.0))
+
+
+def mechanism(pin=(0.0, 0.0), law=None, estimate=(0.0, 0.0, 0.0), name="crank", joint=None):
+    ends = {"body_i": "ground", "point_i": pin, "body_j": "crank", "point_j": (0.0, 0.0)}
     return Mechanism(
         bodies=(Body(name=name, estimate=estimate),),
-        joints=(Revolute(name="A", body_i="ground", point_i=pin, body_j="crank", point_j=(0.0, 0.0)),),
-        drivers=(AngleDriver(name="motor", body="crank", law=law or Polynomial(coefficients=(0.0, 1.0))),),
+        joints=(Revolute(name="A", **(ends | (joint or {}))),),
+        drivers=(AngleDriver(name="motor", body="crank", law=law or LAW),),
     )
 
 
-def driven(**law):
+def driven(**more):
     m = mechanism()
-    return replace(m, drivers=(AngleDriver(name="motor", body="crank", **law),))
+    return replace(m, drivers=(AngleDriver(**{"name": "motor", "body": "crank", **more}),))
 
 
 def scene(**more):
@@ -95,6 +99,24 @@ WRONG = {
     "point[0].position: expected a row of numbers, got 'ab'": lambda: scene(
         points=[Point(name="P", body="crank", position="ab")]
     ),
+    "joint[0].body_j: expected a body of the scene: ground, crank\n": lambda: mechanism(joint={"body_j": None}),
+    "driver[0].body: expected a body of the scene: ground, crank\n": lambda: driven(body=None, law=LAW),
+    "driver[0].relative_to: expected a body of the scene: ground, crank\n": lambda: driven(relative_to=None, law=LAW),
+    "driver[0].body: expected two different bodies, this one and `relative_to`, got 'ground'": lambda: driven(
+        body="ground", law=LAW
+    ),
+    "driver[0].rate_law: expected a law that is no integral itself, got Integral(": lambda: driven(
+        rate_law=Integral(rate=LAW)
+    ),
+    "driver[0].rate_law: expected a law that is no integral itself, got Integral(rate=P": lambda: driven(
+        law=Integral(rate=Integral(rate=LAW))
+    ),
+    "times: expected numbers [s], got [True]": lambda: scene(times=(True,)),
+    "joint[0].point_i: expected a row of 2 numbers, got (True, 0.0)": lambda: mechanism(pin=(True, 0.0)),
+    "joint[0]: expected a joint, got AngleDriver(": lambda: Mechanism(mechanism().bodies, mechanism().drivers),
+    "driver[0]: expected a driver, got Revolute(": lambda: Mechanism(
+        mechanism().bodies, mechanism().joints, (replace(mechanism().joints[0], name="B"),)
+    ),
 }
 
 
@@ -138,6 +160,11 @@ def test_only_a_time_is_drawn():
 def test_only_a_mechanism_moves():
     with pytest.raises(TypeError, match="mechanism: expected a Mechanism, got a NoneType"):
         scene(mechanism=None)
+
+
+def test_a_scene_is_called_by_a_word():
+    with pytest.raises(TypeError, match="name: expected a str, got a int"):
+        scene(name=3)
 
 
 @pytest.mark.parametrize("samples", [1, 10**12, "5", None])
