@@ -68,7 +68,7 @@ class Shown:
     def _faults(self) -> Iterator[Fault]:
         for key in self.LENGTHS:
             value = getattr(self, key)
-            if not (_is_finite(value) and value > 0):
+            if not (is_finite(value) and value > 0):
                 yield Fault(key, value, "a length above 0 [m]")
 
     def plot(self) -> Picture:
@@ -112,9 +112,9 @@ class Linkage(Shown):
     def _faults(self) -> Iterator[Fault]:
         yield from super()._faults()
         for key in ("offset", "angle"):
-            if not _is_finite(getattr(self, key, 0.0)):
+            if not is_finite(getattr(self, key, 0.0)):
                 yield Fault(key, getattr(self, key), "a finite number")
-        if not (isinstance(self.origin, Sequence) and len(self.origin) == 2 and all(map(_is_finite, self.origin))):
+        if not (isinstance(self.origin, Sequence) and len(self.origin) == 2 and all(map(is_finite, self.origin))):
             yield Fault("origin", self.origin, "two finite numbers [m]")
 
     @property
@@ -376,9 +376,9 @@ def law_and_times(
     given = None if times is None else [*times] if isinstance(times, Iterable) else [times]
     counted = f"a whole number from 2 to {MOST_TIMES}"
     asked = (
-        ("speed", speed, _is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
-        ("start", start, _is_finite(start), "a finite angle [rad]"),
-        ("turns", turns, given or (_is_finite(turns) and turns > 0), "a number above 0"),
+        ("speed", speed, is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
+        ("start", start, is_finite(start), "a finite angle [rad]"),
+        ("turns", turns, given or (is_finite(turns) and turns > 0), "a number above 0"),
         ("samples", samples, given or (isinstance(samples, int) and 1 < samples <= MOST_TIMES), counted),
     )
     faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits] if law is None else []
@@ -386,7 +386,7 @@ def law_and_times(
         faults += law.faults("law") if hasattr(law, "faults") else [Fault("law", law, "a motion law, as Polynomial")]
     if given == [] or (given is None and law is not None):
         faults.append(Fault("times", times, "one time [s] or more"))
-    faults += [Fault("times", t, "finite numbers [s]") for t in given or () if not _is_finite(t)][:1]
+    faults += [Fault("times", t, "finite numbers [s]") for t in given or () if not is_finite(t)][:1]
     if faults:
         raise InvalidScene(faults, "linkage")
     law = Polynomial(coefficients=(float(start), float(speed))) if law is None else law
@@ -398,5 +398,6 @@ def law_and_times(
     return law, at, values
 
 
-def _is_finite(value: object) -> bool:
+def is_finite(value: object) -> bool:
+    """Return whether a value is a finite number."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -19,13 +19,12 @@ ANYWHERE: tuple[Interval, ...] = ((-math.inf, math.inf),)
 
 
 class DoesNotAssemble(RefkinError):
-    """A linkage whose last two links do not meet; `gap` [m] is what they miss each other by."""
+    """A linkage whose last two links do not meet; `gap` [m] is what they miss each other by, NaN if no length says."""
 
     def __init__(self, linkage: object, driven: str, value: float, gap: float) -> None:
         self.linkage, self.driven, self.value, self.gap = linkage, driven, value, gap
-        super().__init__(
-            f"{linkage} does not assemble at {driven} = {value:.17g}: its last two links miss by {gap:.3g} m"
-        )
+        miss = "do not meet" if math.isnan(gap) else f"miss by {gap:.3g} m"
+        super().__init__(f"{linkage} does not assemble at {driven} = {value:.17g}: its last two links {miss}")
 
 
 def corner(a: Number, b: Number, opposite: Number) -> float:

@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
+from refkin.errors import Fault
 from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
+from refkin.joints.checks import plain
 from refkin.joints.spatial import Form
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
 from refkin.motion_laws import Law, Polynomial
 from refkin.output.scene_motion import Picture
-from refkin.scenes.linkages.base import Branch, Shown, law_and_times, law_keys, member, pictured, scene_of
+from refkin.scenes.linkages.base import Branch, Shown, is_finite, law_and_times, law_keys, member, pictured, scene_of
 from refkin.scenes.linkages.closures import DoesNotAssemble
 
 X, Y, Z, AT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -25,6 +27,14 @@ Place = tuple[float, ...]
 """The coordinates of a body."""
 ROUGH = 9
 """Decimals that an estimate keeps: assemblies that are nearer to each other than that are not told apart."""
+SHAPES = {"pivot": (3,), "axis": (3,), "guide": (3,), "base": (6, 3), "platform": (6, 3), "home": (7,)}
+"""Of what a linkage has beside single numbers: how many numbers that are, or rows of numbers."""
+
+
+def _has_shape(value: Any, shape: tuple[int, ...]) -> bool:
+    if not shape:
+        return is_finite(value)
+    return isinstance(value, tuple) and len(value) == shape[0] and all(_has_shape(x, shape[1:]) for x in value)
 
 
 def pose_of(r: Vec3, f: Vec3, h: Vec3) -> Place:
@@ -93,11 +103,22 @@ class SpatialLinkage(Shown):
     Raises
     ------
     InvalidScene
-        If a length is not a finite number above 0.
+        If a length is not a finite number above 0, or anything else not as many finite numbers as it takes.
     """
 
     form: Form = "half"
     DRIVEN: ClassVar[str] = "R1"
+
+    def _faults(self) -> Iterator[Fault]:
+        yield from super()._faults()
+        for key in [key.name for key in fields(self) if key.name in SHAPES or key.type == "float"]:
+            value, shape = getattr(self, key), SHAPES.get(key, ())
+            if key not in self.LENGTHS and not _has_shape(plain(value), shape):
+                yield Fault(
+                    key, value, f"{' times '.join(map(str, shape))} finite numbers" if shape else "a finite number"
+                )
+            elif key == "axis" and not any(value):
+                yield Fault(key, value, "a vector that is not zero")
 
     def joints(self) -> tuple[Constraint, ...]:
         """Return the joints, without driver."""
@@ -109,7 +130,7 @@ class SpatialLinkage(Shown):
         Raises
         ------
         DoesNotAssemble
-            With the gap [m], or what of a cosine is beyond 1.
+            With the gap [m], or NaN where none is known.
         """
         return dict(self._poses(value, member(Branch, branch, "branch").sign))
 
@@ -127,10 +148,10 @@ class SpatialLinkage(Shown):
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         raise NotImplementedError
 
-    def _cosine(self, value: float, x: float) -> float:
-        """Return the angle in [0, pi] of a cosine; what rounding leaves beyond 1 counts as 1."""
+    def _cosine(self, value: float, x: float, gap: float = math.nan) -> float:
+        """Return the angle in [0, pi] of a cosine; what rounding leaves beyond 1 counts as 1, else there is a gap."""
         if abs(x) > 1 + 2.0**-44:
-            raise DoesNotAssemble(self, self.DRIVEN, value, abs(x) - 1)
+            raise DoesNotAssemble(self, self.DRIVEN, value, gap)
         return math.acos(max(-1.0, min(1.0, x)))
 
     def drivers(self, law: Law) -> tuple[Driver, ...]:

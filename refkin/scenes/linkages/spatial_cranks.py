@@ -30,7 +30,26 @@ def of_frame(at: Frame, v: Vec3) -> Vec3:
 
 
 @dataclass(frozen=True)
-class RSSR(SpatialLinkage):
+class CrankRocker(SpatialLinkage):
+    """A crank about the z axis, and a rocker about an axis anywhere whose end a coupler holds."""
+
+    crank: float
+    coupler: float
+    rocker: float
+    pivot: Triple
+    axis: Triple
+    LENGTHS = ("crank", "coupler", "rocker")
+
+    def _rocker(self, value: float, sign: int, p: float, q: float, square: float) -> float:
+        """Return the rocker's angle: a point is at p, q from its zero, and from its pivot the root of a square away."""
+        r, across = self.rocker, math.hypot(p, q)
+        near, far = (math.sqrt(max(0.0, square + r * r + side * 2 * r * across)) for side in (-1, 1))
+        reach, gap = (square + r * r - self.coupler**2) / (2 * r), max(near - self.coupler, self.coupler - far)
+        return math.atan2(q, p) + sign * self._cosine(value, reach / across if across else reach * math.inf, gap)
+
+
+@dataclass(frozen=True)
+class RSSR(CrankRocker):
     """A crank about the z axis of the ground, a coupler on two spherical joints, a rocker about an axis anywhere.
 
     Attributes
@@ -43,13 +62,7 @@ class RSSR(SpatialLinkage):
         Whether the coupler is a distance joint, and no body.
     """
 
-    crank: float
-    coupler: float
-    rocker: float
-    pivot: Triple
-    axis: Triple
     massless: bool = False
-    LENGTHS = ("crank", "coupler", "rocker")
 
     def joints(self) -> tuple[Constraint, ...]:
         """Return R1, S1 and S2 (the distance L if the coupler is massless), R2."""
@@ -72,9 +85,7 @@ class RSSR(SpatialLinkage):
         """Return the rocker's angle [rad] at an input, from the zero of `R2`."""
         f, g, _ = frame(self.axis, None)
         w = turned(Vec3(*X), Vec3(*Y), value) * self.crank - Vec3(*self.pivot)
-        p, q, r = w.dot(f), w.dot(g), self.rocker
-        reach = (w.dot(w) + r * r - self.coupler**2) / (2 * r)
-        return math.atan2(q, p) + sign * self._cosine(value, reach / math.hypot(p, q))
+        return self._rocker(value, sign, w.dot(f), w.dot(g), w.dot(w))
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         f, g, h = frame(self.axis, None)
@@ -171,19 +182,12 @@ class RSSP(SpatialLinkage):
 
 
 @dataclass(frozen=True)
-class RSCR(SpatialLinkage):
+class RSCR(CrankRocker):
     """A crank about the z axis, a coupler on a spherical and a cylindrical joint, a rocker that bears the latter.
 
     The cylindrical joint is parallel to the rocker's axis, `rocker` away from it; the spherical joint is `coupler` away
     from the cylindrical one. So seen along that axis, it is circle against circle.
     """
-
-    crank: float
-    coupler: float
-    rocker: float
-    pivot: Triple
-    axis: Triple
-    LENGTHS = ("crank", "coupler", "rocker")
 
     def joints(self) -> tuple[Constraint, ...]:
         """Return R1, S, C, R2."""
@@ -202,11 +206,9 @@ class RSCR(SpatialLinkage):
         x = turned(Vec3(*X), Vec3(*Y), value)
         inner = x * self.crank
         w = inner - Vec3(*self.pivot)
-        p, q, r = w.dot(f), w.dot(g), self.rocker
-        reach = (p * p + q * q + r * r - self.coupler**2) / (2 * r)
-        psi = math.atan2(q, p) + sign * self._cosine(value, reach / math.hypot(p, q))
-        arm = turned(f, g, psi)
-        origin = Vec3(*self.pivot) + arm * r + h * w.dot(h)
+        p, q = w.dot(f), w.dot(g)
+        arm = turned(f, g, self._rocker(value, sign, p, q, p * p + q * q))
+        origin = Vec3(*self.pivot) + arm * self.rocker + h * w.dot(h)
         towards = unit_vector((inner - origin).parts)
         yield "crank", pose_of(Vec3(*AT), x, Vec3(*Z))
         yield "coupler", pose_of(origin, towards, h)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from refkin.errors import Fault
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -78,6 +79,11 @@ class Bennett(Loop):
     alpha: float
     beta: float
     LENGTHS = ("length",)
+
+    def _faults(self) -> Iterator[Fault]:
+        yield from (wrong := list(super()._faults()))
+        if not wrong and not math.sin(self.alpha) * math.sin((self.beta - self.alpha) / 2):
+            yield Fault("alpha", self.alpha, f"a twist [rad] that is neither 0 nor beta = {self.beta}")
 
     @property
     def links(self) -> tuple[tuple[float, float], ...]:

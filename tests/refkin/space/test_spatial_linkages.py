@@ -707,3 +707,57 @@ def test_a_search_of_space_ends_where_so_many_starts_lead_nowhere_new_and_has_ea
 
     assert by_starts.assemblies_in_space(SimpleNamespace(n=1), 0.0) == [0.0, 1.0, 2.0]
     assert len(tried) == len(ends) - 1
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: Bennett(1.5, 0.5, 0.5), ["Bennett: alpha: expected a twist [rad] that is neither 0 nor beta = 0.5"]),
+        (lambda: Bennett(1.5, 0.0, 0.5), ["Bennett: alpha: expected a twist [rad] that is neither 0 nor beta = 0.5"]),
+        (lambda: Bennett(1.5, "x", None), ["Bennett: alpha: expected a finite number, got 'x'", "Bennett: beta: "]),
+        (lambda: replace(EVERY["RSSR"], axis=(0, 0, 0)), ["RSSR: axis: expected a vector that is not zero"]),
+        (
+            lambda: replace(EVERY["RSSR"], pivot=(2.5, -0.5)),
+            ["RSSR: pivot: expected 3 finite numbers, got (2.5, -0.5)"],
+        ),
+        (lambda: replace(EVERY["RSCR"], pivot=(math.nan, 0.0, 0.0)), ["RSCR: pivot: expected 3 finite numbers"]),
+        (lambda: replace(EVERY["RSSP"], guide=2.0), ["RSSP: guide: expected 3 finite numbers, got 2.0"]),
+        (lambda: DoubleHooke(0.5, phase=math.inf), ["DoubleHooke: phase: expected a finite number, got inf"]),
+        (
+            lambda: Stewart((), ((1.0, 2.0),) * 6, ()),
+            [
+                f"Stewart: {key}: expected {how} finite numbers"
+                for key, how in (("base", "6 times 3"), ("platform", "6 times 3"), ("home", "7"))
+            ],
+        ),
+    ],
+)
+def test_numbers_that_make_no_linkage_of_space_are_named(made, said):
+    with pytest.raises(refkin.InvalidScene) as caught:
+        made()
+
+    lines = str(caught.value).splitlines()
+    assert [True] * len(said) == [line.startswith(text) for line, text in zip(lines, said, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["RSSR", "RSCR"])
+@pytest.mark.parametrize("coupler", [9.0, 0.01])
+def test_what_a_coupler_misses_by_is_the_length_that_is_too_much_or_lacks(name, coupler):
+    """Against the rocker's end at many angles; of the RSCR seen along its axis."""
+    linkage, angles = replace(EVERY[name], coupler=coupler), np.linspace(0.0, math.tau, 100_001)
+    f, g, h = (np.array(v.parts) for v in frame(linkage.axis, None))
+    w = np.array([linkage.crank, 0.0, 0.0]) - linkage.pivot
+    w = w - (w @ h) * h if name == "RSCR" else w
+    ends = linkage.rocker * (np.outer(np.cos(angles), f) + np.outer(np.sin(angles), g))
+    away = np.linalg.norm(ends - w, axis=1)
+    with pytest.raises(DoesNotAssemble, match="miss by") as caught:
+        linkage.assemble(0.0)
+
+    assert caught.value.gap == pytest.approx(max(away.min() - coupler, coupler - away.max()), abs=1e-6)
+
+
+def test_a_loop_of_angles_that_does_not_close_misses_by_no_length():
+    with pytest.raises(DoesNotAssemble, match="its last two links do not meet") as caught:
+        Bricard(1.0, 1.2).assemble(math.pi)
+
+    assert math.isnan(caught.value.gap)
