@@ -111,7 +111,7 @@ def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "cylindrical, both its motions driven", _scene(times, poses, (sleeve,), turn, shift)
     yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
     yield "distance driven", _boom(replace(lift, offset=1.2), times)
-    yield "six distances driven", Stewart.three_three().scene(speed=1.3, law=law, times=times)
+    yield "six distances driven", Stewart.three_three().scene(law=law, times=times)
 
 
 def _boom(law: DriveLaw, times: Times) -> Scene:

@@ -77,7 +77,7 @@ def test_a_structure_is_called_by_that_name(tmp_path, capsys):
 
 
 def too_far():
-    scene = slider_crank(driven="slider", law=Polynomial(coefficients=(0.5,)), times=[0.0])
+    scene = refkin.SliderCrank(0.2, 0.35).scene(driven="slider", law=Polynomial(coefficients=(0.5,)), times=[0.0])
     driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(0.6,)))
     return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
 

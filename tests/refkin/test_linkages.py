@@ -270,6 +270,13 @@ def test_all_faults_of_a_linkage_come_at_once():
         ({"times": [0.0, "1"]}, "times"),
         ({"times": [True, 2.0]}, "times"),
         ({"times": [0.0, math.inf]}, "times"),
+        ({"times": 3.0}, "times"),
+        ({"times": [0.0, 1.0], "turns": 2}, "turns"),
+        ({"times": [0.0, 1.0], "samples": 5}, "samples"),
+        ({"law": refkin.Polynomial(coefficients=(1.0,)), "times": [0.0], "speed": 9.0}, "speed"),
+        ({"law": refkin.Polynomial(coefficients=(1.0,)), "times": [0.0], "start": 9.0}, "start"),
+        ({"effects": "velocity"}, "effects"),
+        ({"evidence": 3}, "evidence"),
     ],
 )
 def test_scene_names_the_argument_that_makes_no_sense(arguments, path):
@@ -277,6 +284,12 @@ def test_scene_names_the_argument_that_makes_no_sense(arguments, path):
         FourBar(4.0, 1.0, 3.5, 3.0).scene(**arguments)
 
     assert [path] == [fault.path for fault in caught.value.faults]
+
+
+@pytest.mark.parametrize("linkage", [FourBar(4.0, 1.0, 3.5, 3.0), ScrewJack(0.1)])
+def test_words_of_a_scene_stand_in_a_list(linkage):
+    with pytest.raises(refkin.InvalidScene, match="effects: expected a list of words, got 'velocity'"):
+        linkage.scene(effects="velocity")
 
 
 def test_crank_that_cannot_turn_is_refused_with_its_range():

@@ -350,6 +350,9 @@ def scene_of(
     effects, evidence : collection of str
         What it calls for.
     """
+    for key, words in (("effects", effects), ("evidence", evidence)):
+        if isinstance(words, str) or not isinstance(words, Iterable):
+            raise InvalidScene([Fault(key, words, "a list of words")], "linkage")
     return Scene(
         mechanism=mechanism,
         times=tuple(times),
@@ -373,7 +376,7 @@ def law_and_times(
     law, times : Law, sequence of float; optional
         In place of all of these; times in [s].
     """
-    given = None if times is None else [*times] if isinstance(times, Iterable) else [times]
+    given = None if times is None else [*times] if isinstance(times, Iterable) else []
     counted = f"a whole number from 2 to {MOST_TIMES}"
     asked = (
         ("speed", speed, is_finite(speed) and speed, "a finite number that is not 0 [rad/s]"),
@@ -386,6 +389,9 @@ def law_and_times(
         faults += law.faults("law") if hasattr(law, "faults") else [Fault("law", law, "a motion law, as Polynomial")]
     if given == [] or (given is None and law is not None):
         faults.append(Fault("times", times, "one time [s] or more"))
+    unused = [("law", "speed", speed, 2.0), ("law", "start", start, 0.0)] if law is not None else []
+    unused += [("times", "turns", turns, 1), ("times", "samples", samples, 361)] if given else []
+    faults += [Fault(key, x, f"no {key} beside `{other}`") for other, key, x, default in unused if x != default]
     faults += [Fault("times", t, "finite numbers [s]") for t in given or () if not is_finite(t)][:1]
     if faults:
         raise InvalidScene(faults, "linkage")
