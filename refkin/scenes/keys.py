@@ -169,11 +169,12 @@ def _dimension(data: dict[str, Any]) -> str:
 
 
 def _errors(data: Any) -> int:
-    """Return how many keys and types are wrong; what is missing says nothing of what a file is meant to be."""
+    """Return how many keys and types are wrong; a key that is missing says nothing of what a file is meant to be."""
     try:
         _read(data)
     except ValidationError as error:
-        return sum(e["type"] != "missing" for e in error.errors(include_url=False))
+        found = error.errors(include_url=False)
+        return sum(e["type"] != "missing" or isinstance(e["loc"][-1], int) for e in found)  # short rows count
     return 0
 
 
@@ -209,6 +210,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
     faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
+    if any(path.startswith("times.values") for path in unread):
+        faults = [f for f in faults if f.path != "times"]  # what is said of them all
     # What such a joint lacks was filled in, too.
     within = tuple(f"{place}." for place in places)
     faults = [f for f in faults if not f.path.startswith(within) or at(f.path, data) is not None]
