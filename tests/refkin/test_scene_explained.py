@@ -158,7 +158,12 @@ def test_where_a_body_is_loose_nobody_is_told_to_add_drivers(tmp_path):
         (TEXT, "count = 3", "values = [1.0, 1.0, nan]", ["times.start", "times.stop", "times", "times"]),
         (TEXT, "start = 0.0\nstop = 1.0\ncount = 3", "values = 3.0", ["times.values"]),
         (TEXT, "start = 0.0\nstop = 1.0\ncount = 3", "values = [0.0, 'x']", ["times.values[1]"]),
-        (TEXT, 'body = "crank"\nlaw', 'joint = "A0"\nlaw', ["driver[0].body", "driver[0].joint"]),  # as one of space has
+        (
+            TEXT,
+            'body = "crank"\nlaw',
+            'joint = "A0"\nlaw',
+            ["driver[0].body", "driver[0].joint"],
+        ),
         (SPATIAL, 'dimension = "spatial"', 'dimension = "spacial"', ["dimension"]),
         (SPATIAL, 'dimension = "spatial"', "", ["dimension"]),
     ],
