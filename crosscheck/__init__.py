@@ -37,6 +37,8 @@ def compare(scene: Any, engines: Sequence[str] | None = None, show: bool = True)
 
     expect("scene", scene, Scene)
     expect("engines", engines, list, tuple, type(None))
+    for engine in engines or ():
+        expect("engines", engine, str)
     record = check(scene, PEERS if engines is None else engines)
     if show:
         out = console(140)

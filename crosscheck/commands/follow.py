@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
-from crosscheck.commands.usage import Json, SceneFile, positive, print_numbers, writable
+from crosscheck.commands.usage import Json, SceneFile, Whole, positive, print_numbers, writable
 from crosscheck.errors import UsageError, naming
 from refkin.errors import InvalidRequest, UnknownName
 from refkin.model import Scene
@@ -102,7 +102,7 @@ def print_path(
     backwards: Annotated[bool, Parameter(negative="")] = False,
     until: Annotated[tuple[float, float] | None, Parameter(negative="")] = None,
     through: Annotated[bool, Parameter(negative="")] = False,
-    most_points: int = 2000,
+    most_points: Whole = 2000,
     as_json: Json = False,
     csv: File | None = None,
 ) -> int:

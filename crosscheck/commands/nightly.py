@@ -190,7 +190,7 @@ MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
 
 
-def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
+def history(*, history: Path = Path("reports/history.sqlite"), last: Whole = 14, as_json: Json = False) -> int:
     """Show the nights that were kept: how they ended, their worst digits, times relative to refkin and their changes.
 
     Exit codes: 0 shown, 2 there is no such file, 4 it cannot be read.

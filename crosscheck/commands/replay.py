@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import chain
@@ -50,6 +51,9 @@ def replay(
     job = by_itself(load(scene), features=features, expected=expected)
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
+    if own := [reason for spec, reason in missing.items() if ":" in spec]:
+        print("\n".join(own), file=sys.stderr)
+        return ENGINE_MISSING
     specs = {name: spec for name, (spec, _) in installed.items()}
     with said_if_long(f"asking {len(specs)} engines"), checkers(1, specs, scene_seconds) as pool:
         record = pool.check_one(job)

@@ -552,6 +552,8 @@ def test_a_program_that_asks_for_no_scene_or_for_engines_by_one_string_is_told_w
         crosscheck_library.compare(None)
     with pytest.raises(TypeError, match="engines: expected a list or tuple or NoneType, got a str"):
         crosscheck_library.compare(load_scene(GOOD), engines="mujoco")
+    with pytest.raises(TypeError, match="engines: expected a str, got a int"):
+        crosscheck_library.compare(load_scene(GOOD), engines=[3])
 
 
 def test_a_wide_table_stays_whole_in_a_pipe(command):

@@ -42,6 +42,9 @@ def test_rows_are_printed_as_json(command):
         (("hard", "--engines", f"{ENGINES}:Wrong", "--case", "large offset"), 1, "no finding explains this"),
         (("hard", "--engines", f"{ENGINES}:Refuses", "--case", "far start"), 0, "all: refused"),
         (("hard", "--engines", "nowhere.py:Engine"), 3, "there is no file nowhere.py"),
+        (("replay", "examples/crank-rocker.toml", "--engines", "nowhere.py:X"), 3, "there is no file nowhere.py"),
+        (("follow", "examples/crank-rocker.toml", "--most-points", "2.5"), 2, "expected a whole number, got '2.5'"),
+        (("history", "--last", "2.5"), 2, "expected a whole number, got '2.5'"),
         (("hard", "--case", "nothing"), 2, "no hard scene is called 'nothing'; there are: toggle; dead centre; "),
         (("hard", "--engines", "nobody"), 2, "no engine is called 'nobody'; there are: closed_form"),
         (("hunt", "--engines", "nobody"), 2, "no engine is called 'nobody'"),
@@ -58,6 +61,7 @@ def test_a_wrong_answer_a_refusal_and_a_name_that_nobody_knows_have_their_codes(
 
     assert told.returncode == code
     assert said in (told.stdout if code < 2 else told.stderr)
+    assert told.stdout == "" or code < 2
 
 
 def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):

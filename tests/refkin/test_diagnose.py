@@ -11,11 +11,15 @@ import pytest
 
 import refkin
 from refkin import (
+    AngleDriver,
     Body,
+    Cam,
     FourBar,
     InvertedSliderCrank,
     Mechanism,
+    Polar,
     Polynomial,
+    Prismatic,
     Revolute,
     Scene,
     SliderCrank,
@@ -234,6 +238,22 @@ def test_a_pin_on_the_pivot_of_its_slot_is_a_bifurcation_of_the_lever():
 
     assert diagnosis.kind is PoseKind.BIFURCATION
     assert diagnosis.bodies == ("lever",)
+
+
+def test_a_cam_that_is_a_point_is_touched_anywhere():
+    law, profile = Polynomial(coefficients=(0.2, 1.0)), Polar(law=Polynomial(coefficients=(0.0,)))
+    at = {"body_i": "cam", "point_i": (0.0, 0.0), "body_j": "pin"}
+    joints = (
+        pin("O", GROUND, (0.0, 0.0), "cam", (0.0, 0.0)),
+        Prismatic(name="guide", **(at | {"body_i": GROUND}), point_j=(0.0, 0.0), axis_i=(0.0, 1.0), angle=0.0),
+        Cam(name="touch", **at, point_j=(0.0, 0.0), profile=profile, follower="point"),
+    )
+    bodies = (Body(name="cam", estimate=(0.0, 0.0, 0.2)), Body(name="pin", estimate=(0.0, 0.0, 0.0)))
+    drivers = (AngleDriver(name="motor", body="cam", law=law),)
+    found = refkin.diagnose(Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,)))
+
+    assert (found.kind, found.bodies) == (PoseKind.IDLE, ())
+    assert found.message == "idle motion: no driver holds where on its profile a cam touches"
 
 
 @pytest.mark.parametrize("factor", [2.0**-30, 1e-9, 1e9])

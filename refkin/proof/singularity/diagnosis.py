@@ -200,7 +200,8 @@ class _Examination:
         more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"
         if tangent_cone.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
-                return self._of(PoseKind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
+                what = _and(bodies) if bodies else "where on its profile a cam touches"
+                return self._of(PoseKind.IDLE, f"no driver holds {what}", bodies=bodies)
             return self._of(PoseKind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
         if len(tangent_cone.tangents) > 1:
             rates = [self.frames.outward_rate(self.q, v) for v in tangent_cone.tangents]
