@@ -47,20 +47,11 @@ from refkin.joints.cams import Cam, Disc, Polar
 from refkin.joints.drivers import AngleDriver, DistanceDriver, XDriver, YDriver
 from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
-from refkin.joints.spatial import (
-    Cylindrical,
-    Parallel,
-    Perpendicular,
-    PointOnPlane,
-    Screw,
-    SpatialDistance,
-    SpatialFixed,
-    SpatialPointOnLine,
-    SpatialPrismatic,
-    SpatialRevolute,
-    Spherical,
-    Universal,
-)
+
+from refkin.joints.spatial import (  # isort: skip
+    Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance, SpatialFixed, SpatialPointOnLine,
+    SpatialPrismatic, SpatialRevolute, Spherical, Universal,
+)  # fmt: skip
 from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status, __version__

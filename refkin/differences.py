@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from refkin.errors import InvalidRequest
+
 EPS = float(np.finfo(float).eps)
 
 
@@ -37,9 +39,9 @@ class Scheme(StrEnum):
 def step(scheme: Scheme, x: Any) -> Any:
     """Return the step h of each coordinate, in the shape of x; a real one is such that (x + h) - x is exactly h."""
     x = np.asarray(x, float)
-    if scheme is Scheme.COMPLEX_STEP:
+    if scheme == Scheme.COMPLEX_STEP:
         return np.full(x.shape, 1e-100)
-    rough = EPS ** (1 / 2 if scheme is Scheme.FORWARD else 1 / 3) * np.maximum(1.0, np.abs(x))
+    rough = EPS ** (1 / 2 if scheme == Scheme.FORWARD else 1 / 3) * np.maximum(1.0, np.abs(x))
     return (x + rough) - x
 
 
@@ -55,16 +57,18 @@ def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_ST
     scheme : Scheme
         Which difference.
     """
+    if scheme not in [*Scheme]:
+        raise InvalidRequest("scheme", " or ".join(Scheme), repr(scheme))
     x = np.asarray(x, float)
     steps = np.broadcast_to(step(scheme, x) if h is None else h, x.shape)
-    middle = f(x) if scheme is Scheme.FORWARD else None
+    middle = f(x) if scheme == Scheme.FORWARD else None
     columns = []
     for k, size in enumerate(steps):
         # Each coordinate is moved on a fresh copy: what one column moved must not stay moved for the next.
-        moved = np.where(np.arange(x.size) == k, 1j * size if scheme is Scheme.COMPLEX_STEP else size, 0.0)
-        if scheme is Scheme.COMPLEX_STEP:
+        moved = np.where(np.arange(x.size) == k, 1j * size if scheme == Scheme.COMPLEX_STEP else size, 0.0)
+        if scheme == Scheme.COMPLEX_STEP:
             columns.append(np.imag(f(x + moved)) / size)
-        elif scheme is Scheme.CENTRAL:
+        elif scheme == Scheme.CENTRAL:
             columns.append((f(x + moved) - f(x - moved)) / (2 * size))
         else:
             columns.append((f(x + moved) - middle) / size)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.errors import LONGEST, InvalidRequest
+from refkin.errors import LONGEST, InvalidRequest, expect
 
 CONTRACTION = 1 / 8
 """Largest second correction / first one: a quarter of the 1/2 that Newton-Kantorovich allows it at a proved root."""
@@ -115,7 +115,7 @@ def newton(
     jacobian_every: int = 1,
     damped: bool = False,
 ) -> NewtonResult:
-    """Solve phi(q) = 0 from q0. Failure is a status of the result, no exception.
+    """Solve phi(q) = 0 from q0. Failure is a status of the result, no exception but of what makes no sense.
 
     Parameters
     ----------
@@ -131,13 +131,12 @@ def newton(
         1 is full Newton, k renews the Jacobian every k corrections, 0 keeps the first (chord method).
     damped : bool
         Halve a correction until the residual decreases (for starts far from a root).
-
-    Raises
-    ------
-    InvalidRequest
-        If q0 is no row of numbers, or phi_q no matrix of as many rows as phi and as many columns as q0.
     """
     stop = RoundOff() if stop is None else stop
+    expect("stop", stop, Callable)  # type: ignore[arg-type]
+    for name, count in (("max_iterations", max_iterations), ("jacobian_every", jacobian_every)):
+        if not (isinstance(count, int | np.integer) and count >= 0):
+            raise InvalidRequest(name, "a whole number from 0 on", repr(count)[:LONGEST])
     q = _row(q0)
     if not np.isfinite(q).all():
         return NewtonResult(NewtonStatus.NOT_FINITE, q, q[None], q[None] * np.nan, np.empty((0, q.size)))
@@ -191,8 +190,8 @@ def _row(q0: Any) -> Any:
         q = np.atleast_1d(np.array(q0, complex if np.iscomplexobj(q0) else float))
     except (TypeError, ValueError):
         raise InvalidRequest("q0", "numbers", repr(q0)[:LONGEST]) from None
-    if q.ndim != 1 or not q.size:
-        raise InvalidRequest("q0", "a number or a row of numbers", f"shape {q.shape}")
+    if q0 is None or q.ndim != 1 or not q.size:
+        raise InvalidRequest("q0", "a number or a row of numbers", "None" if q0 is None else f"shape {q.shape}")
     return q
 
 

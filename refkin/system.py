@@ -7,14 +7,14 @@ and so are all results. The dtype of q decides the arithmetic: float, complex, o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from refkin.errors import Fault, InvalidScene, NotCalledFor, RefkinError, expect
+from refkin.errors import Fault, InvalidRequest, InvalidScene, NotCalledFor, RefkinError, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
@@ -122,6 +122,8 @@ class System:
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if (q := np.asarray(q)).ndim == 1 else q
+        if len(numbers) != self.n:
+            raise InvalidRequest("q", f"{self.n} coordinates", f"shape {q.shape}")
         kind, width = self.kind, self.kind.width
         places = {k: slice(k, k + width) for k in range(0, self.of_bodies, width)}
         places |= {k: slice(k, k + 1) for k in range(self.of_bodies, self.n)}
@@ -184,7 +186,8 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     unit : Unit
         Length and origin of the coordinates: metres by default; `mechanism.unit()` for those every solve runs in.
     """
-    expect("mechanism", mechanism, Mechanism)
+    for name, value, known in (("mechanism", mechanism, Mechanism), ("effects", effects, Set), ("unit", unit, Unit)):
+        expect(name, value, known)
     kind, bodies = mechanism.kind, mechanism.bodies
     effects |= {Effect.VELOCITY} if Effect.ACCELERATION in effects else set()
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}

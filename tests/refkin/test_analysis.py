@@ -9,7 +9,7 @@ import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
-from refkin.analysis import estimate_of, march, position, sweep
+from refkin.analysis import acceleration, estimate_of, march, position, sweep, velocity
 from refkin.joints import Constraint
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -184,3 +184,19 @@ def test_what_declines_evidence_has_no_radius():
 
     assert motion.verdict is Status.OK
     assert np.isnan(motion.certified_radius.position).all()
+
+
+@pytest.mark.parametrize("q", [[0.5, 0.0], [0.5] * 10, np.zeros((8, 4))])
+def test_a_pose_has_as_many_coordinates_as_its_system(q):
+    system, rates = compile_system(ROCKER.scene(samples=2).mechanism), np.zeros(9)
+    asked = [lambda: system.phi(q, 0.0), lambda: velocity(system, q, 0.0), lambda: acceleration(system, q, rates, 0.0)]
+    asked += [lambda: position(system, q, 0.0)] * (np.ndim(q) == 1)
+    for one in asked:
+        with pytest.raises(refkin.InvalidRequest, match="q: expected 9 coordinates, got shape "):
+            one()
+
+
+@pytest.mark.parametrize(("key", "value"), [("effects", "velocity"), ("effects", ["velocity"]), ("unit", 2.0)])
+def test_what_a_system_is_compiled_for_is_named(key, value):
+    with pytest.raises(TypeError, match=f"{key}: expected a .*, got a {type(value).__name__}"):
+        compile_system(ROCKER.scene(samples=2).mechanism, **{key: value})

@@ -13,7 +13,7 @@ import pytest
 import refkin
 from crosscheck.documents.convergence import both_largest, residual_or_correction, scaled_norms
 from crosscheck.documents.systems import me581
-from refkin.differences import EPS
+from refkin.differences import EPS, jacobian
 from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, is_round_off, newton, solve_linear
 from tests.claims import assert_near
 
@@ -23,6 +23,7 @@ from tests.claims import assert_near
     [
         ("here", lambda q: [[1.0]], "q0: expected numbers, got 'here'"),
         ([[1.0, 2.0]], lambda q: np.eye(2), r"q0: expected a number or a row of numbers, got shape (1, 2)"),
+        (None, lambda q: np.eye(1), "q0: expected a number or a row of numbers, got None"),
         ([], lambda q: np.eye(2), "q0: expected a number or a row of numbers, got shape (0,)"),
         (
             [1.0, 2.0],
@@ -36,6 +37,24 @@ from tests.claims import assert_near
 def test_arguments_that_make_no_sense_are_named(q0, phi_q, told):
     with pytest.raises(refkin.errors.InvalidRequest, match=re.escape(told)):
         newton(lambda q: q - 1.0, phi_q, q0)
+
+
+@pytest.mark.parametrize("key", ["max_iterations", "jacobian_every"])
+@pytest.mark.parametrize("count", [-1, 1.5, None])
+def test_counts_are_whole_numbers_from_0_on(key, count):
+    with pytest.raises(refkin.InvalidRequest, match=f"{key}: expected a whole number from 0 on, got {count}"):
+        newton(lambda q: q - 1.0, np.eye, [1.0], **{key: count})
+
+
+def test_a_number_is_no_stopping_test():
+    with pytest.raises(TypeError, match="stop: expected a Callable, got a float"):
+        newton(lambda q: q - 1.0, np.eye, [1.0], stop=1e-6)
+
+
+def test_a_scheme_goes_by_its_name_and_an_unknown_one_is_told_which_there_are():
+    assert jacobian(lambda x: x * x, [3.0], "forward", 1e-6) == pytest.approx(np.array([[6.0]]), abs=1e-5)
+    with pytest.raises(refkin.InvalidRequest, match="scheme: expected forward or central or complex_step, got 'back'"):
+        jacobian(lambda x: x * x, [3.0], "back", 1e-6)
 
 
 QUADRATIC = me581.quadratic()
