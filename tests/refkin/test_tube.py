@@ -122,7 +122,7 @@ def test_one_tube_holds_a_short_turn_in_space_whose_law_stands_in_the_jacobian()
 def test_a_tube_in_space_is_proved_over_all_its_times(reach, holds):
     """phi_q has the law of the angle: with the one at the middle 0.35 s were proved, where the condition is false."""
     law, frame = Sinusoid(amplitude=2.0, angular_frequency=1.0, offset=3.0), ("point", "axis", "zero")
-    ends = {f"{key}_{side}": (key == "zero", 0, key == "axis") for key in frame for side in "ij"}
+    ends = {f"{key}_{side}": (float(key == "zero"), 0.0, float(key == "axis")) for key in frame for side in "ij"}
     pin = refkin.SpatialRevolute(name="pin", body_i="ground", body_j="arm", **ends)
     arm, driver = refkin.Body(name="arm"), refkin.SpatialAngleDriver(name="turn", joint="pin", law=law)
     mechanism = refkin.Mechanism((arm,), (pin,), (driver,))

@@ -252,7 +252,8 @@ class _Moves:
             for new in map(np.array, combinations(range(d), count)):
                 rows = self.factors[:, new]
                 blocks = np.moveaxis(rows[:, :, olds], 1, 2)
-                b, c = np.nonzero(np.abs(np.linalg.det(blocks)) > DEPENDENT)
+                with np.errstate(invalid="ignore"):  # a pose whose first choice has no inverse: all of it is NaN
+                    b, c = np.nonzero(np.abs(np.linalg.det(blocks)) > DEPENDENT)
                 inner, old = np.linalg.inv(blocks[b, c]), olds[c]
                 # |R - R[:, I] inner F[J]|^2 + |R[:, I] inner|^2, the square of the norm of the other inverse
                 inward = np.swapaxes(inner, 1, 2) @ gram[b[:, None, None], old[:, :, None], old[:, None, :]] @ inner

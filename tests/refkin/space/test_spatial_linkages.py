@@ -761,3 +761,11 @@ def test_a_loop_of_angles_that_does_not_close_misses_by_no_length():
         Bricard(1.0, 1.2).assemble(math.pi)
 
     assert math.isnan(caught.value.gap)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pose_whose_chosen_rows_have_no_inverse_has_no_radius_and_warns_of_nothing():
+    motion = refkin.solve(Bennett(length=1.5, alpha=0.8, beta=0.5).scene(samples=13))
+
+    assert motion.verdict is Status.OK
+    assert np.flatnonzero(np.isnan(motion.certified_radius.position)).tolist() == [9]
