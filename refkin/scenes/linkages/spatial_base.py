@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from refkin.errors import Fault
@@ -27,8 +27,9 @@ Place = tuple[float, ...]
 """The coordinates of a body."""
 ROUGH = 9
 """Decimals that an estimate keeps: assemblies that are nearer to each other than that are not told apart."""
-SHAPES = {"pivot": (3,), "axis": (3,), "guide": (3,), "base": (6, 3), "platform": (6, 3), "home": (7,)}
-"""Of what a linkage has beside single numbers: how many numbers that are, or rows of numbers."""
+SHAPES: dict[str, tuple[int, ...]] = dict.fromkeys(("alpha", "beta", "phase", "stroke"), ())
+SHAPES |= {"pivot": (3,), "axis": (3,), "guide": (3,), "base": (6, 3), "platform": (6, 3), "home": (7,)}
+"""Of what a linkage has beside lengths: how many numbers that are, or rows of numbers; () is one number."""
 
 
 def _has_shape(value: Any, shape: tuple[int, ...]) -> bool:
@@ -111,12 +112,11 @@ class SpatialLinkage(Shown):
 
     def _faults(self) -> Iterator[Fault]:
         yield from super()._faults()
-        for key in [key.name for key in fields(self) if key.name in SHAPES or key.type == "float"]:
-            value, shape = getattr(self, key), SHAPES.get(key, ())
-            if key not in self.LENGTHS and not _has_shape(plain(value), shape):
-                yield Fault(
-                    key, value, f"{' times '.join(map(str, shape))} finite numbers" if shape else "a finite number"
-                )
+        for key, shape in [(key, shape) for key, shape in SHAPES.items() if hasattr(self, key)]:
+            value = getattr(self, key)
+            if not _has_shape(plain(value), shape):
+                count = " times ".join(map(str, shape))
+                yield Fault(key, value, f"{count} finite numbers" if shape else "a finite number")
             elif key == "axis" and not any(value):
                 yield Fault(key, value, "a vector that is not zero")
 
