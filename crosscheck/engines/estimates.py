@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from crosscheck.engines import in_space
 from refkin.joints import GROUND, RelativeAngle, elements_of
-from refkin.model import Mechanism, Scene
+from refkin.model import Body, Mechanism, Scene
 
 
 def as_driven(scene: Scene) -> Mechanism:
@@ -34,5 +34,9 @@ def as_driven(scene: Scene) -> Mechanism:
     moved = {name: angle for name, angle in angles.items() if name != GROUND and angle != shown[name]}
     if not moved:
         return m
-    bodies = (replace(b, estimate=(*b.estimate[:2], moved[b.name])) if b.name in moved else b for b in m.bodies)
-    return replace(m, bodies=tuple(bodies))
+
+    def turned(body: Body) -> Body:
+        kept = (body.estimate or ())[:2]
+        return replace(body, estimate=(*kept, moved[body.name])) if body.name in moved else body
+
+    return replace(m, bodies=tuple(map(turned, m.bodies)))

@@ -17,9 +17,8 @@ from refkin.vec import BodyValues
 class Gear(Constraint):
     """Two wheels, centres at rest, roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0 (J8).
 
-    Both angles are measured against the ground: wheels on a carrier that turns are not in gear by this. Other joints
-    hold the centres, and nothing asks where they are: only the ratio of the radii matters. Opposite signs are an
-    internal gear (or a belt): both wheels then turn the same way.
+    Both angles are measured against the ground: wheels on a carrier that turns are not in gear by this. Nothing asks
+    where the centres are: only the ratio of radii matters; opposite signs are an internal gear, or a belt.
     Source: (theta^i - theta^i_o) a^i + (theta^j - theta^j_o) a^j = 0.
     """
 

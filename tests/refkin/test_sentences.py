@@ -66,7 +66,7 @@ DIAGNOSED = {
         (links(2.0, 1.0),),
         (links(2.0, 1.5),),
     ),
-    "the equation of rope has no gradient here: points that it holds apart coincide, or a tangent is zero": (
+    "the equation of cylinder has no gradient here: points that it holds apart coincide, or a tangent is zero": (
         ONE[PoseKind.FORMULATION](),
         (reaching(0.5),),
     ),

@@ -19,7 +19,7 @@ from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine, State, at_places
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import cross, length, parameters
-from refkin.joints import GROUND
+from refkin.joints import GROUND, ShiftAlongAxis, elements_of
 from refkin.model import Scene
 
 Array = Any
@@ -40,8 +40,8 @@ JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
 def slides(scene: Scene) -> Iterator[Term]:
     """Yield what the rounding of an axis, which MuJoCo turns by a quaternion, makes of a long way along it."""
     size, t = scene.mechanism.size(), np.array(scene.times)
-    given = (law for c in scene.mechanism.drivers if c.type == "displacement" for law in c.laws)
-    ways = [float(np.max(np.abs(law(t, 0)))) / size for law in given]
+    given = (e for e in elements_of(scene.mechanism.constraints) if isinstance(e, ShiftAlongAxis))
+    ways = [float(np.max(np.abs(law(t, 0)))) / size for e in given for law in e.laws]
     if ways:
         why = "the axis of a slide is turned by the quaternion of its frame: four roundings of as far as it goes"
         yield Term(name="axes of slides", level="position", reason=why, absolute=4.0 * EPS * max(ways))
