@@ -34,6 +34,8 @@ NEARBY = 1.0
 tells of curvature, and not that angles come round again."""
 NEW_ESTIMATES = 6
 """How many estimates are made up where the given one leads nowhere."""
+TURNED = 1e-9
+"""What a turn of 1 rad that nobody sees counts in a distance."""
 COUNTED = 1e-6
 """Scaled residual that says that a constraint counts a turn: far above round-off, far below what a gear makes of it."""
 
@@ -186,9 +188,8 @@ def _choice(
 ) -> tuple[Any, str]:
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first.
 
-    A coordinate in which all agree, as that of a driven crank, counts for half a turn at most, lest its square swallow
-    the others.
-    Where not all assemblies are known, that to which the estimate led, `own`, is one of them. A singular one is
+    Bodies of the plane are as near as they look: whole turns that a driver counts decide only between poses that look
+    alike. Where not all assemblies are known, that to which the estimate led, `own`, is one of them. A singular one is
     chosen only where it is much nearer than all others: no motion starts there. It may be the only one: all were looked
     for because the estimate alone did not decide.
     """
@@ -199,10 +200,11 @@ def _choice(
         held[system.parameter(cam.name)] = cam.contact_estimate is not None
     poses = [_turned_to(system, q, estimate, held, t) for q in (*search.poses, *([] if own is None else [own]))]
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
-    away = np.abs(np.array(poses) - estimate)
-    shared = np.ptp(poses, axis=0) <= 4.0 * np.spacing(np.max(np.abs(poses), axis=0))
-    away[:, shared] = np.minimum(away[:, shared], np.pi)
-    distances = [float(np.linalg.norm(x[held])) for x in away]
+    away = np.array(poses) - estimate
+    seen = np.where(system.turns == 1.0, away - math.tau * np.round(away / math.tau), away)
+    distances = [
+        float(np.linalg.norm(x[held]) + TURNED * np.linalg.norm(y[held])) for x, y in zip(seen, away, strict=True)
+    ]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
     others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
