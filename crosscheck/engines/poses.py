@@ -120,8 +120,8 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
         if near is not None:
             on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
         if np.count_nonzero(closed):
-            rounding = EPS * (1.0 + largest(q))
-            noise = (size > STALLED * previous) | (size <= rounding) | (left <= SQUARED) & (size <= LEFT * rounding)
+            units = largest(correction / (EPS * (1.0 + np.abs(q))))  # each coordinate's own: a hinge may sit far out
+            noise = (size > STALLED * previous) | (units <= 1.0) | (left <= SQUARED) & (units <= LEFT)
             stalled = on & closed & noise
             on &= ~stalled
             good = stalled if near is None else stalled & (largest(q - guess[active]) <= TRUST)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -30,7 +30,7 @@ from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, R
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
 from crosscheck.scenes.names import called_for
-from refkin.joints import PointDistance, elements_of
+from refkin.joints import Driver, PointDistance, SpatialPointDistance, elements_of
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Producer, Route, Status
 from refkin.proof.numbers.bounded import Times
@@ -55,9 +55,14 @@ class Documented:
 
 DOCUMENTED: Mapping[tuple[str, str], Documented] = {
     ("exudyn", "stopping rule"): Documented(
-        # Of a residual of up to forty sizes or radians, or of what drivers may ask for at once; its norm takes metres
-        # for radians, and radians for metres.
-        lambda scene: 1e-8 * max(40.0, 4.0 * _reach(scene)) * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
+        # Of a residual of up to forty sizes or radians, or of what drivers may ask for at once, times what length is
+        # driven; its norm takes metres for radians, and radians for metres.
+        lambda scene: (
+            1e-8
+            * max(40.0, 4.0 * _reach(scene, scene.mechanism.drivers))
+            * max(1.0, _reach(scene, [d for d in scene.mechanism.drivers if _is_distance(d)]))
+            * max(scene.mechanism.size(), 1.0 / scene.mechanism.size())
+        ),
         "relative tolerance of residual for Newton (general goal of Newton is to decrease the residual by this factor)",
         "exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8",
     ),
@@ -278,14 +283,21 @@ def _so_small(absolute: float, most: float, scene: Scene) -> bool:
     """Return whether an error of a residual is at most so large, or rounding of it: of as many turns as drivers go."""
     if absolute <= most:
         return True
-    return absolute <= max(1.0, _reach(scene) / math.tau) * ABSOLUTE  # what is documented grows with no turn
+    reach = _reach(scene, scene.mechanism.drivers)
+    return absolute <= max(1.0, reach / math.tau) * ABSOLUTE  # what is documented grows with no turn
 
 
-def _reach(scene: Scene) -> float:
-    """Return how far drivers go [sizes or rad]."""
-    t, unit, given = np.array(scene.times), scene.mechanism.unit(), scene.mechanism.drivers
-    reach = [np.max(np.abs(law(t, 0))) / driver.law_scale(unit)[1] for driver in given for law in driver.laws]
-    return float(max(reach, default=0.0))
+def _reach(scene: Scene, drivers: Iterable[Driver]) -> float:
+    """Return how far drivers go [sizes or rad], from the first point of the ground."""
+    t, unit, reach = np.array(scene.times), scene.mechanism.unit(), [0.0]
+    for driver in drivers:
+        shifts, factor = driver.law_scale(unit)
+        reach += [np.max(np.abs(law(t, 0) - x)) / factor for law, x in zip(driver.laws, shifts, strict=True)]
+    return float(max(reach))
+
+
+def _is_distance(driver: Driver) -> bool:
+    return any(isinstance(e, PointDistance | SpatialPointDistance) for e in elements_of([driver]))
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

@@ -405,7 +405,9 @@ def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:
         return np.zeros(0), np.zeros(0)
     scaled = system.to_unit(q)
     residual = np.array([np.max(np.abs(system.phi(x, float(at)))) for x, at in zip(scaled.T, t, strict=True)])
-    return residual, isolate_every_choice(system, scaled, t).position + np.max(output_rounding(system, scaled), axis=0)
+    proof = isolate_every_choice(system, scaled, t)
+    contradicted = np.max(proof.contradiction, axis=0) > 1.0  # rows that are redundant say that there is no such pose
+    return residual, np.where(contradicted, np.nan, proof.position + np.max(output_rounding(system, scaled), axis=0))
 
 
 def _cosine(a: Tangent, b: Tangent) -> float:

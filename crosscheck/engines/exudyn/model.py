@@ -19,6 +19,10 @@ from refkin.model import Body
 
 CURRENT = exu.ConfigurationType.Current
 STILL = np.zeros(3)
+ITERATIONS = int(exu.SimulationSettings().staticSolver.newton.maxIterations)
+"""exudyn's own limit."""
+FAR, MORE = 64.0, 8
+"""Coordinates [sizes, rad] beyond which so many corrections follow, as the tolerance has grown with them."""
 NO_LAW = NO_FORCES = (0.0, 0.0, 0.0)
 """By what the parts of the Jacobian are scaled that are no constraint's."""
 
@@ -111,9 +115,12 @@ class ExudynSystem:
             kind = EngineError if length else EngineRefusal
             raise kind(f"exudyn: driver {name!r} at t = {t!r}: {error}") from error
 
-    def newton(self, tolerance: float) -> bool:
-        """Let its static Newton go from where exudyn stands; return whether it reached a norm of the residual."""
-        self.solver.newton.absoluteTolerance = tolerance
+    def newton(self, tolerance: float, most: int = ITERATIONS) -> bool:
+        """Let its static Newton go from where exudyn stands; return whether it reached a norm of the residual.
+
+        It takes so many iterations at most, and leaves exudyn where it ended.
+        """
+        self.solver.newton.absoluteTolerance, self.solver.newton.maxIterations = tolerance, most
         try:
             return bool(self.solver.Newton(self.mbs, self.settings))
         except (exu.SolverError, exu.InternalError) as error:

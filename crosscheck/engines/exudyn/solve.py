@@ -12,7 +12,7 @@ import numpy as np
 
 from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.estimates import as_driven
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, ExudynSystem, largest_of, quiet_settings
+from crosscheck.engines.exudyn.model import CURRENT, FAR, MORE, ExudynModel, ExudynSystem, largest_of, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
 from crosscheck.engines.march import MarchResult, march, march_of
 from crosscheck.engines.poses import EPS, TRUST, Poses, close, largest, solve, with_velocities
@@ -61,11 +61,14 @@ class StaticNewton:
         model.set_state(start, t)
         extent = max(1.0, largest_of(start))
         for tolerance in TOLERANCES:
-            done, self.rows = model.newton(tolerance), model.left()
+            done, self.rows = model.newton(tolerance * extent), model.left()
             left = largest_of(self.rows)
-            if done or left <= tolerance * extent:  # that far away rounding leaves more, and rows of angles go on down
+            if done:
+                if extent > FAR:  # rows of angles have further to go than those of lengths
+                    model.newton(0.0, MORE)
+                    self.rows, left = model.left(), 0.0
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
-                return self._corrected(q, left, tolerance) if done and left > SETTLED else q
+                return q if left <= SETTLED else self._corrected(q, left, tolerance * extent)
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")

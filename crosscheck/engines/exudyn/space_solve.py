@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal, KeptModel, Term
-from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
+from crosscheck.engines.exudyn.model import FAR, MORE, bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import STALLED, TOLERANCES, OwnSolver, refuse_without_estimates, stopping_rule
 from crosscheck.engines.exudyn.space import FORM, NO_TWIST, ExudynSpace
 from crosscheck.engines.poses import EPS
@@ -150,12 +150,12 @@ class SpaceEquations(OwnSolver):
         extent = max(1.0, np.abs(start).max())
         for tolerance in self.tolerances:
             self.model.set_state(start, t)
-            if self.model.newton(tolerance):
-                return self._corrected(t, self.model.coordinates(), tolerance)
-            left = np.abs(self.model.left()).max()
-            if left <= tolerance * extent:  # what rounding leaves that far away, where rows of angles go further down
-                return self.model.coordinates()
-            if not left < STALLED * extent:  # gone astray: so it would for the next one
+            if self.model.newton(tolerance * extent):
+                if extent > FAR:  # rows of angles have further to go than those of lengths
+                    self.model.newton(0.0, MORE)
+                    return self.model.coordinates()
+                return self._corrected(t, self.model.coordinates(), tolerance * extent)
+            if not np.abs(self.model.left()).max() < STALLED * extent:  # gone astray: so it would for the next one
                 break
         raise EngineError("its Newton did not converge")
 

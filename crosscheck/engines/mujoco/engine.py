@@ -36,7 +36,7 @@ from crosscheck.engines.mujoco.features import EFFECTS, FEATURES, SITES, SPARSE,
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
-from crosscheck.engines.mujoco.space import MujocoSpace, slides
+from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.motion import SPATIAL_VECTORS, SpaceMotion, SpaceRows
 from crosscheck.engines.tree.joint_tree import Array, JointTree, absolute_tree, joint_tree
 from crosscheck.engines.tree.tree_system import CHAIN, Accelerations, Places, TreeAdapter, TreeEngine, TreeMotion
@@ -178,8 +178,9 @@ class Mujoco(TreeAdapter):
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
-        left = (soft(freedoms(scene.mechanism)),) if route == STEPPED else ()
-        return (*CHAIN, *SPATIAL, *left, *(slides(scene) if in_space(scene.mechanism) else ()))
+        if route == STEPPED:
+            return (*CHAIN, *SPATIAL, soft(freedoms(scene.mechanism)))
+        return (*CHAIN, *SPATIAL)
 
     def built(self, scene: Scene, producer: Producer) -> KeptModel:
         """Return the scene as a joint tree, closed from the bodies' estimates."""

@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError, Term
+from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco.model import MASSES, add_equality, compiled, kinematic_spec, mujoco
-from crosscheck.engines.poses import EPS
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.system import Place, SpaceEngine, State, at_places
 from crosscheck.engines.spatial.tree import QUARTER, SpaceTree, SpatialEdge
 from crosscheck.engines.spatial.turning import cross, length, parameters
-from refkin.joints import GROUND, ShiftAlongAxis, elements_of
-from refkin.model import Scene
+from refkin.joints import GROUND
 
 Array = Any
 HINGE, SLIDE, BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
 X, Y, Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+SLIDING = (JointKind.PRISMATIC, JointKind.CYLINDRICAL, JointKind.SCREW)
 JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
     JointKind.REVOLUTE: [(HINGE, Z)],
     JointKind.PRISMATIC: [(SLIDE, Z)],
@@ -35,16 +34,6 @@ JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
     JointKind.FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
     JointKind.FIXED: [],
 }
-
-
-def slides(scene: Scene) -> Iterator[Term]:
-    """Yield what the rounding of an axis, which MuJoCo turns by a quaternion, makes of a long way along it."""
-    size, t = scene.mechanism.size(), np.array(scene.times)
-    given = (e for e in elements_of(scene.mechanism.constraints) if isinstance(e, ShiftAlongAxis))
-    ways = [float(np.max(np.abs(law(t, 0)))) / size for e in given for law in e.laws]
-    if ways:
-        why = "the axis of a slide is turned by the quaternion of its frame: four roundings of as far as it goes"
-        yield Term(name="axes of slides", level="position", reason=why, absolute=4.0 * EPS * max(ways))
 
 
 class MujocoSpace(SpaceEngine):
@@ -90,13 +79,16 @@ class MujocoSpace(SpaceEngine):
         u, frame = self.frames[edge.parent]
         turned = edge.frame_parent @ QUARTER if edge.kind == JointKind.UNIVERSAL else edge.frame_parent
         place, joints = edge.u_parent + edge.frame_parent[:, 2] * edge.shift, JOINTS[edge.kind]
+        own, own_body = frame.T @ turned, edge.frame_body
+        if edge.kind in SLIDING:  # along its axis as it is: turned by a quaternion it would be off as far as it goes
+            joints, own, own_body = [(kind, own[:, 2]) for kind, _ in joints], np.eye(3), edge.frame_body @ own.T
         body = self.bodies[edge.parent].add_body(
-            name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(frame.T @ turned), **MASSES[bool(joints)]
+            name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(own), **MASSES[bool(joints)]
         )
         for kind, axis in joints:
             self._names.append(f"q{len(self._names)}")
             body.add_joint(name=self._names[-1], type=kind, axis=axis)
-        self.bodies[edge.body], self.frames[edge.body] = body, (edge.u_body, edge.frame_body)
+        self.bodies[edge.body], self.frames[edge.body] = body, (edge.u_body, own_body)
 
     def _local(self, place: Place) -> tuple[Any, Any]:
         """Return a place's point and axes in the frame of MuJoCo's body."""

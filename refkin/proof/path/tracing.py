@@ -302,7 +302,7 @@ def _turns_twice(x: Any, tangent: Any, new: Any, after: Any) -> bool:
     """
     length, way = float(np.linalg.norm(new - x)), float(np.sign(tangent[-1]))
     first, last = way * float(tangent[-1]), way * float(after[-1])
-    if length <= CLOSE or min(first, last) <= 0.0:
+    if length <= CLOSE or min(first, last) <= STANDING:
         return False
     middle = (6 * way * float(new[-1] - x[-1]) / length - first - last) / 4
     slope, bend = 4 * middle - 3 * first - last, 2 * (first + last - 2 * middle)
