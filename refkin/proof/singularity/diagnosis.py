@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import GROUND
+from refkin.joints import GROUND, SPACE
 from refkin.motion import Array
 from refkin.proof.numbers.inputs import contradiction
 from refkin.proof.numbers.recentred import Recentred, recentred
@@ -125,9 +125,11 @@ class _Examination:
     def __init__(self, frames: Recentred, q: Any, t: float, vanishing: float = VANISHING) -> None:
         self.frames, self.system, self.q, self.t, self.vanishing = frames, frames.inner, q, t, vanishing
         self.constraints = [p.constraint for p in self.system.placed for _ in range(p.constraint.rows)]
-        self.of_joints = sum(joint.rows for joint in self.system.mechanism.joints)
-        self.all = balanced(self.system, q, t, np.arange(self.system.m))
-        self.joints = balanced(self.system, q, t, np.arange(self.of_joints))
+        m, every = self.system.mechanism, np.arange(self.system.m)  # rows of joints, of drivers, of bodies
+        first = sum(joint.rows for joint in m.joints)
+        self.driven = every[first : first + sum(driver.rows for driver in m.constraints[len(m.joints) :])]
+        self.all = balanced(self.system, q, t, every)
+        self.joints = balanced(self.system, q, t, np.setdiff1d(every, self.driven))
         self.sigma = self.all.sigma[self.system.n - 1]
         self.mobility = self.system.n - self.joints.rank(self.vanishing)
 
@@ -144,7 +146,7 @@ class _Examination:
             )
         if self.all.rank(self.vanishing) == self.system.n:
             return self._of(PoseKind.HIGHER, "the pose is not proved to be alone, although phi_q has full rank")
-        if self.mobility <= self.system.m - self.of_joints:
+        if self.mobility <= len(self.driven):
             return self._not_held()
         return self._mobile()
 
@@ -175,7 +177,7 @@ class _Examination:
     def _not_held(self) -> Diagnosis:
         """The drivers do not hold what the joints allow."""
         free = self.all.right_null(self.vanishing)
-        left = self.all.left_null_with(np.arange(self.of_joints, self.system.m), self.vanishing)
+        left = self.all.left_null_with(self.driven, self.vanishing)
         rows, bodies = self._rows(left[None]), self._bodies(free)
         other = self._other_driver(free)
         same = f"; driven by {other} the same pose is regular (an actuator singularity)" if other else ""
@@ -183,7 +185,7 @@ class _Examination:
         held = f"with the drivers held {_and(bodies)} can still move"
         if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
             # Beside a bifurcation all drivers have small parts of psi.
-            drivers = self._rows(np.where(np.arange(self.system.m) < self.of_joints, 0.0, left)[None])
+            drivers = self._rows(np.where(np.isin(np.arange(self.system.m), self.driven), left, 0.0)[None])
             return self._of(
                 PoseKind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who
             )
@@ -194,7 +196,7 @@ class _Examination:
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
         free, held = self.all.right_null(self.vanishing), self.joints
-        tangent_cone = cone(held, self.vanishing, self.system.phi_q(self.q, self.t)[self.of_joints :])
+        tangent_cone = cone(held, self.vanishing, self.system.phi_q(self.q, self.t)[self.driven])
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
         who = {"rows": rows, "bodies": bodies}
         more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"
@@ -217,7 +219,12 @@ class _Examination:
         return self._of(PoseKind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
 
     def _other_driver(self, free: Any) -> str:
-        """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular."""
+        """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular.
+
+        None of space: no driver takes an Euler parameter.
+        """
+        if self.system.kind is SPACE:
+            return ""
         names = [body.name for body in self.system.mechanism.bodies]
         kind = self.system.kind
         size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, kind.width)
@@ -228,7 +235,7 @@ class _Examination:
                 weight = 1.0 if kind.turns[c] else 1e-3
                 candidates.append((weight * size[k, c], f"{words} of {name}", kind.width * k + c))
         for _, words, column in sorted(candidates, reverse=True)[:4]:
-            for driver in range(self.of_joints, self.system.m):
+            for driver in self.driven:
                 if self.all.with_row(driver, column).rank(1e3 * VANISHING) == self.system.n:
                     return words
         return ""
