@@ -23,6 +23,8 @@ from refkin import (
     Revolute,
     Scene,
     SliderCrank,
+    SpatialAngleDriver,
+    SpatialRevolute,
     Status,
     YDriver,
     compile_system,
@@ -458,3 +460,26 @@ def test_a_frame_far_from_the_only_joint_point_of_its_body_is_moved_to_it():
     mechanism = refkin.Mechanism((refkin.Body(name="b"),), (pin,), (motor,))
 
     assert recentred(refkin.compile_system(mechanism, unit=mechanism.unit())).shifts.tolist() == [[1e6, 0.0]]
+
+
+def test_a_flat_parallelogram_of_space_is_the_bifurcation_that_it_is_in_the_plane():
+    """The rows of bodies stand after those of drivers, and were taken for drivers: `turning point` was said."""
+    places = {"crank": (0.0, 0.0), "coupler": (1.0, 0.0), "rocker": (2.0, 0.0)}
+    frame = {f"{key}_{side}": axis for key, axis in (("axis", (0, 0, 1)), ("zero", (1, 0, 0))) for side in "ij"}
+    pins = [
+        ("A0", "ground", 0.0, "crank", 0.0),
+        ("A", "crank", 1.0, "coupler", 0.0),
+        ("B", "coupler", 2.0, "rocker", 1.0),
+        ("B0", "ground", 2.0, "rocker", 0.0),
+    ]
+    joints = [
+        SpatialRevolute(name=name, body_i=i, point_i=(x, 0, 0), body_j=j, point_j=(y, 0, 0), **frame)
+        for name, i, x, j, y in pins
+    ]
+    bodies = [Body(name=name, estimate=(*at, 0, 1, 0, 0, 0)) for name, at in places.items()]
+    motor = SpatialAngleDriver(name="motor", joint="A0", law=Polynomial(coefficients=(0.0, 1.0)))
+    diagnosis = refkin.diagnose(Scene(mechanism=Mechanism(bodies, joints, [motor]), times=(0.0,)))
+
+    assert diagnosis.kind is PoseKind.BIFURCATION
+    assert len(diagnosis.tangents) == 2
+    assert diagnosis.other_driver == ""

@@ -85,3 +85,21 @@ def test_a_third_crank_carries_a_parallelogram_through_its_flat_pose(third):
     assert path.end is (TraceEnd.RANGE if third else TraceEnd.BIFURCATION)
     assert len(path.bifurcations) == (0 if third else 1)
     assert np.max(np.abs(path.q[bars] - (1.0 + path.t))) < 1e-12
+
+
+def test_two_changes_within_a_step_are_met_although_no_sign_changes():
+    """One driver spans both parallelograms, so one block of phi_q holds both, and its sign changes twice."""
+    scene = stacked((3.0, 2.0))
+
+    def length(angle):
+        return math.dist((-math.sin(angle), math.cos(angle)), (5.0 + math.cos(angle), math.sin(angle)))
+
+    law = Polynomial(coefficients=(length(-0.5), length(0.0) - length(-0.5)))
+    ends = {"body_i": "bar 0", "point_i": (0.0, 1.0), "body_j": "bar 2", "point_j": (1.0, 0.0)}
+    driver = refkin.DistanceDriver(name="span", **ends, law=law)
+    (change,) = refkin.follow(
+        replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.0, 2.0))
+    ).bifurcations
+
+    assert change.t == pytest.approx(1.0, abs=1e-12)
+    assert len(change.tangents) == 4

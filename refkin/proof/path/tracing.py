@@ -151,14 +151,24 @@ class Tracer:
                 rows = self.curve.rows(new)
                 if self.at_crossing or self.curve.side(new, after, rows) == self.curve.side(x, tangent, rows):
                     if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
-                        return new, after, h
-                    end = self._crossing(x, new, least=2)
+                        end = self._crossing(x, new, off=BEND) if self._may_cross(x, new) else None
+                        if end is None:
+                            return new, after, h
+                    else:
+                        end = self._crossing(x, new, least=2)
                 else:
                     end = self._crossing(x, new)
                 if end is not None:
                     return end
             h /= 2
         return None
+
+    def _may_cross(self, x: Any, new: Any) -> bool:
+        """Whether an end of a step is as near to a crossing as a step that passes two of them begins or ends.
+
+        They leave all signs as they were. A step of 1 changes the matrix by about 1, and so its clearance.
+        """
+        return min(map(self.curve.clearance, (x, new))) < float(np.linalg.norm(new - x)) / 2
 
     def _turns_unseen(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> bool:
         """Whether t turns within a step oftener than the signs of its rate at the ends say: once, or not at all.
@@ -206,17 +216,20 @@ class Tracer:
                 return True
         return False
 
-    def _crossing(self, x: Any, new: Any, least: int = 1) -> Crossing | None:
+    def _crossing(self, x: Any, new: Any, least: int = 1, off: float = 1.0) -> Crossing | None:
         """Return the bifurcation between two points, if the curves do cross there and not only pass by each other.
 
-        `least` is how many rows must depend there at once.
+        `least` is how many rows must depend there at once, `off` how far from the chord it may lie, as a part of it. It
+        is not the one that the step begins at.
         """
         chord = new - x
         for part in (0.5, 0.1, 0.9):
             branch_point = crossing(self.curve, x + part * chord)
             if branch_point is not None and len(branch_point.forms) >= least and branch_point.is_decided:
-                at = (branch_point.x - x) @ chord / (chord @ chord)
-                if -0.01 <= at <= 1.01 and np.linalg.norm(branch_point.x - x - at * chord) <= np.linalg.norm(chord):
+                way, length = branch_point.x - x, float(np.linalg.norm(chord))
+                at = way @ chord / length**2
+                again = self.at_crossing and np.max(np.abs(way)) < math.sqrt(SAME) * length
+                if -0.01 <= at <= 1.01 and np.linalg.norm(way - at * chord) <= off * length and not again:
                     return branch_point
         return None
 
