@@ -55,14 +55,7 @@ class Documented:
 
 DOCUMENTED: Mapping[tuple[str, str], Documented] = {
     ("exudyn", "stopping rule"): Documented(
-        # Of a residual of up to forty sizes or radians, or of what drivers may ask for at once, times what length is
-        # driven; its norm takes metres for radians, and radians for metres.
-        lambda scene: (
-            1e-8
-            * max(40.0, 4.0 * _reach(scene, scene.mechanism.drivers))
-            * max(1.0, _reach(scene, [d for d in scene.mechanism.drivers if _is_distance(d)]))
-            * max(scene.mechanism.size(), 1.0 / scene.mechanism.size())
-        ),
+        lambda scene: _left_by_default(scene),
         "relative tolerance of residual for Newton (general goal of Newton is to decrease the residual by this factor)",
         "exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8",
     ),
@@ -285,6 +278,16 @@ def _so_small(absolute: float, most: float, scene: Scene) -> bool:
         return True
     reach = _reach(scene, scene.mechanism.drivers)
     return absolute <= max(1.0, reach / math.tau) * ABSOLUTE  # what is documented grows with no turn
+
+
+def _left_by_default(scene: Scene) -> float:
+    """Return what a relative tolerance of 1e-8 leaves: of forty sizes or radians, or of what drivers ask for at once.
+
+    That times what length is driven; exudyn's norm takes metres for radians, and radians for metres.
+    """
+    size, drivers = scene.mechanism.size(), scene.mechanism.drivers
+    length = _reach(scene, [driver for driver in drivers if _is_distance(driver)])
+    return 1e-8 * max(40.0, 4.0 * _reach(scene, drivers)) * max(1.0, length) * max(size, 1.0 / size)
 
 
 def _reach(scene: Scene, drivers: Iterable[Driver]) -> float:

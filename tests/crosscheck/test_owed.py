@@ -436,6 +436,21 @@ def test_a_stopping_rule_is_granted_what_its_tolerance_leaves_of_forty_sizes(siz
     assert len(granted("exudyn", scene, [rule])[0]) == kept
 
 
+def test_how_far_a_mechanism_is_from_the_origin_pays_for_no_term():
+    """A driven coordinate counts from the first point of the ground: 1e-8 of 1e6 m were granted to anybody."""
+
+    def lifted(x):
+        pin = refkin.Revolute(name="A0", body_i="ground", point_i=(x, 0.0), body_j="boom", point_j=(0.0, 0.0))
+        law = Polynomial(coefficients=(x + 0.9, -0.1))
+        driver = refkin.XDriver(name="D", body="boom", point=(1.0, 0.0), law=law)
+        boom = refkin.Body(name="boom", estimate=(x, 0.0, 0.4))
+        return refkin.Scene(mechanism=refkin.Mechanism((boom,), (pin,), (driver,)), times=(0.0, 1.0))
+
+    for given in (lifted(0.0), lifted(2.0**20)):
+        assert len(granted("any", given, [big(absolute=float(ABSOLUTE) * 2.0)])[0]) == 0
+        assert len(granted("exudyn", given, [replace(big(absolute=1e-6), name="stopping rule")])[0]) == 0
+
+
 def test_of_a_residual_that_holds_a_large_angle_so_many_roundings_are_more():
     """What a driver asks for is in its row: a thousand roundings of that, which are 63.7 turns, not of one."""
     turns = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(

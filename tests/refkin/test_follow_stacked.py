@@ -103,3 +103,30 @@ def test_two_changes_within_a_step_are_met_although_no_sign_changes():
 
     assert change.t == pytest.approx(1.0, abs=1e-12)
     assert len(change.tangents) == 4
+
+
+@pytest.mark.parametrize("off", [0.0, 2e-13])
+def test_poses_that_a_redundant_row_contradicts_have_no_radius(off):
+    """The third crank's pin is off: `solve` proves that no pose is one, and radii were given."""
+    mechanism, _ = parallelogram(True)
+    driver = replace(mechanism.drivers[0], law=Polynomial(coefficients=(1.0, 1.0)))
+    places = {"third pivot": {"point_i": (1.3, 1.0)}, "third pin": {"point_j": (1.3 + off, 1.0)}}
+    joints = tuple(replace(j, **places.get(j.name, {})) for j in mechanism.joints)
+    bodies = tuple(replace(b, estimate=(1.3, 1.0, 1.0)) if b.name == "third" else b for b in mechanism.bodies)
+    path = refkin.follow(Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=(0.0, 1.0)))
+
+    assert len(path.t) > 9
+    assert bool(np.isfinite(path.radius[0])) is (off == 0.0)
+
+
+def test_a_motion_at_a_time_that_stands_still_comes_round_to_the_next_crossing():
+    """A folded rhombus turns as one. Rates of t that are rounding halved every step: 2000 points were 0.18 rad."""
+    law = Polynomial(coefficients=(-0.5, 1.0))
+    scene = refkin.FourBar(1.0, 1.0, 1.0, 1.0).scene(law=law, times=(0.0, 2.0))
+    crossing = refkin.follow(scene).bifurcations[0]
+    still = min(crossing.tangents, key=lambda tangent: abs(tangent.t))
+    path = refkin.follow(scene, crossing, along=still)
+
+    assert path.end is TraceEnd.BIFURCATION
+    assert np.ptp(path.q, axis=1).max() == pytest.approx(math.pi, abs=1e-6)
+    assert len(path.t) < 100
