@@ -114,7 +114,7 @@ def _positions(
         done = sum(t <= sweep.t[step] for t in scene.times)
         why = f"after t = {sweep.t[step]:.17g} it is not proved on which branch the motion goes on"
         ends_at = sweep.t[step + 1]
-        if ends_at in scene.times and not isolate(frames.inner, sweep.q[step + 1][:, None], [ends_at]).ok[0]:
+        if ends_at in scene.times and sweep.comes_to_singular_pose(step):
             done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
         q[:, done:], rest = np.nan, Status.BRANCH_LOST
     status = [Status.OK] * done + [rest] * (count - done)

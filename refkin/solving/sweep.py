@@ -39,6 +39,8 @@ MOST_EXTREMA = 2000
 """Extrema of laws from one asked time to the next: each is a step, or several."""
 BEFORE = 64
 """How many roots of what the laws are short of a limit sigma_min may be to be taken for that of a pose before it."""
+UNPROVED = 1 / 64
+"""The part of a step to a singular pose of which no proof is asked."""
 MOST_UNCERTIFIED = 1000
 """Steps tried with fewer conditions on the way to one time; passing a pivot at 1e-12 takes about 300."""
 
@@ -156,6 +158,16 @@ class Sweep(Steps):
         if self.to(target) is not Arrival.REACHED:
             return False
         return not (steps := self.unproved) or self.first_unproved(steps) is None
+
+    def comes_to_singular_pose(self, step: int) -> bool:
+        """Return whether a step ends at a pose that is not proved to be alone, and no branches cross on the way there.
+
+        That is proved of all but the last of the way, where no proof can be.
+        """
+        (t, end), (q, last) = self.t[step : step + 2], self.q[step : step + 2]
+        if isolate(self.system, last[:, None], [end]).ok[0]:
+            return False
+        return Sweep(self.system, [t], [q], proving=True, certified=True).arrives(end - (end - t) * UNPROVED)
 
     def first_unproved(self, steps: list[int]) -> int | None:
         """Return the first of some steps that is not proved; None if all are."""

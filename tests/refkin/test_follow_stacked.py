@@ -10,26 +10,30 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene, Status
 from refkin.proof.path.curve import Crossing, common_roots
 from refkin.proof.path.tracing import TraceEnd
 from tests.refkin.test_mobility import parallelogram
 
 
-def stacked(bases):
-    """Parallelograms one after the other, the follower of one the crank of the next, all flat at once at t = 0."""
+def stacked(bases, later=0.0):
+    """Parallelograms one after the other, the follower of one the crank of the next, the first flat at t = 0.
+
+    Each of the others is flat so much `later` than the one before it [s], at the same time unless it is given.
+    """
     at = np.cumsum([0.0, *bases]).tolist()
     link = {"bar 0": (0.0, 0.0, -0.5)}
     joints = [Revolute(name="O 0", body_i="ground", point_i=(0.0, 0.0), body_j="bar 0", point_j=(0.0, 0.0))]
     for k, base in enumerate(bases, 1):
-        tip = at[k - 1] + math.cos(0.5), -math.sin(0.5)
-        link |= {f"coupler {k}": (*tip, 0.0), f"bar {k}": (at[k], 0.0, -0.5)}
-        for name, i, x, j, y in (
-            (f"A {k}", f"bar {k - 1}", 1.0, f"coupler {k}", 0.0),
-            (f"B {k}", f"coupler {k}", base, f"bar {k}", 1.0),
-            (f"O {k}", "ground", at[k], f"bar {k}", 0.0),
+        phi, arm = -0.5 - (k - 1) * later, (1.0, 0.0) if k == 1 else (math.cos(later), -math.sin(later))
+        tip = at[k - 1] + math.cos(phi), math.sin(phi)
+        link |= {f"coupler {k}": (*tip, 0.0), f"bar {k}": (at[k], 0.0, phi)}
+        for name, i, u, j, x in (
+            (f"A {k}", f"bar {k - 1}", arm, f"coupler {k}", 0.0),
+            (f"B {k}", f"coupler {k}", (base, 0.0), f"bar {k}", 1.0),
+            (f"O {k}", "ground", (at[k], 0.0), f"bar {k}", 0.0),
         ):
-            joints.append(Revolute(name=name, body_i=i, point_i=(x, 0.0), body_j=j, point_j=(y, 0.0)))
+            joints.append(Revolute(name=name, body_i=i, point_i=u, body_j=j, point_j=(x, 0.0)))
     bodies = tuple(Body(name=name, estimate=q) for name, q in link.items())
     crank = AngleDriver(name="crank", body="bar 0", law=Polynomial(coefficients=(0.0, 1.0)))
     return Scene(mechanism=Mechanism(bodies, tuple(joints), (crank,)), times=(-0.5, 0.5), name="stacked")
@@ -85,6 +89,17 @@ def test_a_third_crank_carries_a_parallelogram_through_its_flat_pose(third):
     assert path.end is (TraceEnd.RANGE if third else TraceEnd.BIFURCATION)
     assert len(path.bifurcations) == (0 if third else 1)
     assert np.max(np.abs(path.q[bars] - (1.0 + path.t))) < 1e-12
+
+
+@pytest.mark.parametrize("certified", [False, True])
+def test_a_pose_where_branches_cross_is_not_reached_by_a_step_within_which_others_do(certified):
+    """The second parallelogram is flat 0.1 s after the first, at a time that is asked for: the pose is not known."""
+    passing, at_first = (
+        replace(stacked((3.0, 2.0), later=0.1), times=(-0.5, *times)) for times in [(-0.2, 0.1), (-0.2, 0.0)]
+    )
+
+    assert refkin.solve(passing, certified=certified).status == (Status.OK, Status.OK, Status.BRANCH_LOST)
+    assert refkin.solve(at_first, certified=certified).status == (Status.OK, Status.OK, Status.SINGULAR)
 
 
 def test_two_changes_within_a_step_are_met_although_no_sign_changes():
