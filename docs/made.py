@@ -47,6 +47,7 @@ KEYS = {
     "phi0": "angle of the pinion against the rack where it stands at `s0` [rad]",
     "phi0_i": "angle of body i where counting begins [rad]",
     "phi0_j": "angle of body j where counting begins [rad]",
+    "carrier": "the body on which both centres are at rest, and against which the angles count: the arm of a planet",
     "s0": "where along the rack the pinion's centre is at `phi0` [m]",
     "profile": '`{ kind = "disc", radius }` around point i, or `{ kind = "polar", law }`: distance [m] by angle [rad]',
     "follower": '`"flat"`, `"point"` or `"roller"`',

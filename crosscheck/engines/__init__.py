@@ -94,7 +94,8 @@ OF_SPACE = (
 )
 ELEMENTS = (
     *("points coincide", "points coincide by a law", "point on line", "distance", "distance by a law"),
-    *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling on a line", "contact"),
+    *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling wheels on a carrier"),
+    *("rolling on a line", "contact"),
     *OF_SPACE,
 )
 """The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean.

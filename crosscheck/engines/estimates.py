@@ -23,16 +23,16 @@ def as_driven(scene: Scene) -> Mechanism:
     shown = {body.name: body.estimate[2] for body in m.bodies if body.estimate is not None}
     angles = {GROUND: 0.0}
     kinds = (RelativeAngle, RollingWheels)
-    given = [e for e in elements_of(m.constraints) if isinstance(e, kinds) and {*e.bodies} <= {GROUND, *shown}]
-    while given:
-        e = next((e for e in given if not angles.keys().isdisjoint(e.bodies)), given[0])
-        given.remove(e)
-        (i, j), (ratio, shift) = e.bodies, _given(e, t)
-        if i not in angles and j in angles:
-            i, j, ratio, shift = j, i, 1.0 / ratio, -shift / ratio
-        angles.setdefault(i, shown.get(i, 0.0))
-        if j not in angles:
-            angles[j] = shown[j] + math.tau * round((ratio * angles[i] + shift - shown[j]) / math.tau)
+    sums = [_sum(e, t) for e in elements_of(m.constraints) if isinstance(e, kinds) and {*e.bodies} <= {GROUND, *shown}]
+    while sums:
+        weights, total = min(sums, key=lambda s: len(s[0].keys() - angles.keys()))  # the first of those with the fewest
+        sums.remove((weights, total))
+        *free, last = [body for body in weights if body not in angles] or [GROUND]
+        angles |= {body: shown[body] for body in free}
+        if last not in angles:
+            others = sum(weight * angles[body] for body, weight in weights.items() if body != last)
+            turns = ((total - others) / weights[last] - shown[last]) / math.tau
+            angles[last] = shown[last] + math.tau * round(turns)
     moved = {name: angle for name, angle in angles.items() if name != GROUND and angle != shown[name]}
     if not moved:
         return m
@@ -44,9 +44,10 @@ def as_driven(scene: Scene) -> Mechanism:
     return replace(m, bodies=tuple(map(turned, m.bodies)))
 
 
-def _given(e: Any, t: float) -> tuple[float, float]:
-    """Return the angle of body j at a time as so many times that of body i, and so much."""
+def _sum(e: Any, t: float) -> tuple[dict[str, float], float]:
+    """Return the weights of the bodies' angles in what an element says of them at a time, and what their sum is."""
     if isinstance(e, RollingWheels):
-        ratio = -e.radius_i / e.radius_j
-        return ratio, e.zero_j - ratio * e.zero_i
-    return 1.0, float(e.laws[0](t, 0)) if e.laws else e.angle
+        wheels = {e.body_i: 1.0, e.body_j: e.radius_j / e.radius_i}
+        carried = {e.carrier: -sum(wheels.values())} if e.carrier != GROUND else {}
+        return wheels | {body: w for body, w in carried.items() if w}, e.zero_i + wheels[e.body_j] * e.zero_j
+    return {e.body_i: -1.0, e.body_j: 1.0}, float(e.laws[0](t, 0)) if e.laws else e.angle

@@ -80,6 +80,8 @@ def _angle(e: joints.RelativeAngle) -> str:
 
 
 def _wheels(e: joints.RollingWheels) -> str:
+    if e.carrier != joints.GROUND:
+        raise CannotRun(f"{e.name}: no script for wheels on a carrier")
     factor = -e.radius_j / e.radius_i  # the row: factor phi_j - phi_i - offset
     markers = f"[angle({e.body_i!r}), angle({e.body_j!r})]"
     offset = factor * e.zero_j - e.zero_i

@@ -202,6 +202,8 @@ def _angle(m: _Model, name: str, e: joints.RelativeAngle) -> None:
 
 
 def _wheels(m: _Model, name: str, e: joints.RollingWheels) -> None:
+    if e.carrier != joints.GROUND:
+        raise CannotRun(f"{name}: no model for wheels on a carrier")
     ratio = -e.radius_i / e.radius_j
     m.couple(name, f"{e.body_j}.phi", e.zero_j - ratio * e.zero_i, ratio, second=f"{e.body_i}.phi")
 

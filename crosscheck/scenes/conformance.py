@@ -99,6 +99,9 @@ def _joints() -> Iterator[Question]:
     yield Question("gear", _scene(wheel, CRANK, axle, mesh))
     inner = {**wheel, "wheel": (2.0, 0.5, 1.1)}
     yield Question("internal gear", _scene(inner, CRANK, axle, replace(mesh, radius_j=-0.8)))
+    arm = pin("W", "crank", (0.5, 0.0), "wheel", (0.0, 0.0))
+    planet = replace(mesh, body_i=GROUND, carrier="crank")
+    yield Question("gear on a carrier", _scene({**crank, "wheel": (0.42, 0.91, 1.85)}, CRANK, arm, planet))
     rack_guide = Prismatic(name="guide", **ends(GROUND, (0.0, 1.4), "rack"), axis_i=along, angle=0.2)
     teeth = ends("rack", (0.1, 0.0), "crank", (-0.5, 0.0))
     rack = RackAndPinion(name="teeth", **teeth, axis_i=along, radius=0.7, phi0=0.3, s0=0.2)

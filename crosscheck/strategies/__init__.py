@@ -2,12 +2,12 @@
 
 `four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.scenes.linkages`); `scenes` yields
 scenes to solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a
-singular pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `racks`, `cams`, `six_bars`.
-`ended_scenes` yields scenes that end in a singular pose or in none, with that verdict; `equal_linkages` four-bars of
-equal links. `spatial_scenes` yields linkages of space.
+singular pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `planets`, `racks`, `cams`,
+`six_bars`. `ended_scenes` yields scenes that end in a singular pose or in none, with that verdict; `equal_linkages`
+four-bars of equal links. `spatial_scenes` yields linkages of space.
 """
 
-from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, racks, six_bars
+from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, planets, racks, six_bars
 from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import four_bars, inverted_slider_cranks, slider_cranks
 from crosscheck.strategies.scenes import Drawn, drawn_scenes, scenes
@@ -33,6 +33,7 @@ __all__ = [
     "geared_linkages",
     "inverted_slider_cranks",
     "motion_laws",
+    "planets",
     "racks",
     "scenes",
     "six_bars",

@@ -1,4 +1,4 @@
-"""Geared five-bars, racks, disc cams and six-bars, drawn so that they assemble over a full turn of their crank.
+"""Geared five-bars, planets, racks, disc cams, six-bars, drawn so that they assemble over a full turn of their crank.
 
 Each is planned in a plane of its own; `Frames` puts it on the ground, with a frame for every body.
 """
@@ -88,9 +88,7 @@ def _five_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
     a, b = size, size * draw(st.floats(0.5, 2.0), label="second crank")
     d = (a + b) * draw(st.floats(1.25, 2.5), label="ground")
     near, far = d - a - b, d + a + b
-    c = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
-    e = c + draw(SIGNS, label="longer coupler") * near * draw(PARTS, label="difference")
-    e = e if c + e > 1.0625 * far else 2 * c - e
+    c, e = _draw_two_links(draw, near, far)
     ratio = draw(st.sampled_from((1.0, -1.0, 2.0, -2.0, 0.5)) | st.floats(0.25, 3.0), label="ratio")
     phi0 = draw(ANGLES, label="angle of mesh")
 
@@ -113,6 +111,51 @@ def _five_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
         ]
 
     return ChainPlan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+
+
+def _planet(draw: DrawFn, size: float, side: int) -> ChainPlan:
+    """Draw a planet on a crank, which rolls on a wheel at rest; its arm moves a coupler and a rocker at any angle.
+
+    The arm's tip comes as near to the rocker's pivot as d - a - b, and as far from it as d + a + b.
+    """
+    a, b = size, size * draw(st.floats(0.25, 1.0), label="arm of the planet")
+    d = (a + b) * draw(st.floats(1.25, 2.5), label="ground")
+    near, far = d - a - b, d + a + b
+    c, e = _draw_two_links(draw, near, far)
+    ratio = draw(st.sampled_from((1.0, -2.0, 2.0, -0.5)) | st.floats(0.25, 3.0), label="ratio")
+    phi0 = draw(ANGLES, label="angle of mesh")
+
+    def poses(theta: float) -> dict[str, Place]:
+        centre, planet = a * cmath.exp(1j * theta), phi0 + (1.0 + ratio) * theta
+        tip = centre + b * cmath.exp(1j * planet)
+        alpha, beta = two_links(d - tip, c, e, side)
+        return {
+            "crank": (0j, theta),
+            "planet": (centre, planet),
+            "coupler": (tip, alpha),
+            "rocker": (d + 0j, beta + math.pi),
+        }
+
+    def joints(f: Frames) -> list[Constraint]:
+        zeros = {"phi0_i": f.apart("crank", GROUND), "phi0_j": phi0 + f.apart("crank", "planet")}
+        mesh: dict[str, Any] = {"body_i": GROUND, "body_j": "planet", "carrier": "crank", **zeros}
+        return [
+            f.pin("A0", GROUND, 0j, "crank"),
+            f.pin("B0", GROUND, d + 0j, "rocker"),
+            f.pin("A", "crank", a + 0j, "planet"),
+            Gear(name="mesh", **mesh, radius_i=ratio * size, radius_j=size),
+            f.pin("P", "planet", b + 0j, "coupler"),
+            f.pin("B", "coupler", c + 0j, "rocker", e + 0j),
+        ]
+
+    return ChainPlan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+
+
+def _draw_two_links(draw: DrawFn, near: float, far: float) -> tuple[float, float]:
+    """Draw two links whose ends meet at any distance between two."""
+    c = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
+    e = c + draw(SIGNS, label="longer coupler") * near * draw(PARTS, label="difference")
+    return c, e if c + e > 1.0625 * far else 2 * c - e
 
 
 def _rack(draw: DrawFn, size: float, side: int) -> ChainPlan:
@@ -263,14 +306,13 @@ def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, 
     """Draw ground, coupler and rocker around a crank that turns fully, and the margin that its closure keeps."""
     ground = size * draw(st.floats(2.0, 5.0), label="ground")
     near, far = ground - size, ground + size
-    coupler = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
-    rocker = coupler + draw(SIGNS, label="longer") * near * draw(PARTS, label="difference")
-    rocker = rocker if coupler + rocker > 1.0625 * far else 2 * coupler - rocker
+    coupler, rocker = _draw_two_links(draw, near, far)
     return ground, coupler, rocker, min(coupler + rocker - far, near - abs(coupler - rocker))
 
 
 KINDS: Mapping[str, Callable[[DrawFn, float, int], ChainPlan]] = {
     "geared five-bar": _five_bar,
+    "planet five-bar": _planet,
     "rack and pinion": _rack,
     "disc cam": _cam,
     "six-bar": _six_bar,

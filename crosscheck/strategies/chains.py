@@ -1,4 +1,4 @@
-"""Scenes beyond the three linkages: five-bars, racks, disc cams, six-bars; each assembles by construction.
+"""Scenes beyond the three linkages: five-bars, planets, racks, disc cams, six-bars; each assembles by construction.
 
 The cranks of a five-bar are turned by a gear, or by a second driver. Lengths are drawn so that every closure keeps a
 margin over a full turn of the input: these scenes are regular, and leave the near-singular ones to the linkages.
@@ -52,6 +52,11 @@ def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **bounds:
 def geared_linkages(**bounds: Any) -> SearchStrategy[Chain]:
     """Return geared five-bars, some with a second driver for the gear; bounds are those of `chains`."""
     return chains(kinds=["geared five-bar"], **bounds)
+
+
+def planets(**bounds: Any) -> SearchStrategy[Chain]:
+    """Return planets that roll on a wheel at rest and move a coupler and a rocker; bounds are those of `chains`."""
+    return chains(kinds=["planet five-bar"], **bounds)
 
 
 def racks(**bounds: Any) -> SearchStrategy[Chain]:

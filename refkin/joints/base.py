@@ -28,7 +28,7 @@ from itertools import zip_longest
 from typing import Any
 
 from refkin.errors import Fault
-from refkin.joints.elements import GROUND, Element
+from refkin.joints.elements import BODIES, GROUND, Element
 from refkin.motion_laws import STRICT, Integral, Law
 from refkin.vec import BodyValues, Scalar, Vec
 
@@ -162,9 +162,9 @@ class Constraint:
         return ()
 
     @property
-    def bodies(self) -> tuple[str, str]:
-        """The names of the bodies i and j."""
-        return self.body_i, self.body_j  # type: ignore[attr-defined]
+    def bodies(self) -> tuple[str, ...]:
+        """The names of the bodies i and j, and of a carrier: the formulas take one after the other."""
+        return tuple(getattr(self, key) for key in BODIES if hasattr(self, key))
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -231,7 +231,7 @@ class Constraint:
         """Return the blocks of Phi_q for body i and body j."""
         raise NotImplementedError
 
-    def nu(self, g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
         """Return -Phi_t: zero where no law moves anything."""
         return (0,) * self.rows
 

@@ -16,7 +16,7 @@ import numpy as np
 from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
 from refkin.joints.drivers import Driver
-from refkin.joints.elements import GROUND
+from refkin.joints.elements import BODIES, GROUND
 
 LONGEST = 1e300
 """Of a length [m], so that the distance of two points is in float64; a law's rate that is not ends in a status."""
@@ -67,7 +67,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         if c.kind is not own:
             yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
             return
-        for key in () if hasattr(c, "joint") else ("body", "body_i", "body_j", "relative_to"):  # else its joint's
+        for key in () if hasattr(c, "joint") else ("body", *BODIES, "relative_to"):  # else its joint's
             if (body := getattr(c, key, GROUND)) not in known:
                 yield _no_body(f"{path}.{key}", body, known)
         if c.bodies[0] == c.bodies[1]:

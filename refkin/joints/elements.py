@@ -11,7 +11,7 @@ GuidedPoint      n . d = offset                                        point_on_
 PointCoordinate  r_j[axis] = f(t)                                      x and y driver
 PointDistance    (d . d - L^2) / (2 L) = 0, or (d . d - f^2) / 2 = 0   distance and its driver, point on a disc
 RelativeAngle    phi_j - phi_i = angle, or f(t)                        fixed, prismatic, angle driver
-RollingWheels    R_i (phi_i - zero_i) + R_j (phi_j - zero_j) = 0       gear
+RollingWheels    sum of R (phi - phi_c - zero) = 0, of both wheels     gear
 RollingOnLine    a . d - s0 - R (phi_j - phi_i - phi0) = 0             rack_and_pinion
 Contact          those of `contact_kinematics`                          cam of general profile
 ================ ===================================================== =============================================
@@ -33,6 +33,8 @@ from refkin.motion_laws import Law
 GROUND = "ground"
 """The name of the fixed frame at the origin."""
 
+BODIES = ("body_i", "body_j", "carrier")
+"""The fields that name bodies, in the order in which formulas take them."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -68,12 +70,13 @@ class Element:
     @property
     def key(self) -> str:
         """What an engine's capability table calls it."""
-        return f"{self.kind} by a law" if self.laws else self.kind
+        carrier = getattr(self, "carrier", GROUND)
+        return self.kind + " by a law" * bool(self.laws) + " on a carrier" * (carrier != GROUND)
 
     @property
-    def bodies(self) -> tuple[str, str]:
-        """The names of the bodies i and j."""
-        return self.body_i, self.body_j  # type: ignore[attr-defined]
+    def bodies(self) -> tuple[str, ...]:
+        """The names of the bodies i and j, and of a carrier."""
+        return tuple(getattr(self, key) for key in BODIES if hasattr(self, key))
 
     @property
     def ends(self) -> tuple[tuple[str, Any], ...]:
@@ -166,7 +169,7 @@ class RelativeAngle(Element):
 
 @dataclass(frozen=True, kw_only=True)
 class RollingWheels(Element):
-    """Two wheels roll on each other without slip, their centres at rest: radii [m], and angles [rad] to count from."""
+    """Two wheels roll on each other, centres at rest on a carrier, against which angles [rad] count; radii [m]."""
 
     kind = "rolling wheels"
     body_i: str
@@ -175,6 +178,7 @@ class RollingWheels(Element):
     body_j: str
     radius_j: float
     zero_j: float
+    carrier: str = GROUND
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,18 +8,18 @@ from typing import Any, Literal
 
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
-from refkin.joints.elements import Element, Pair, RollingOnLine, RollingWheels
+from refkin.joints.elements import GROUND, Element, Pair, RollingOnLine, RollingWheels
 from refkin.joints.planar import BetweenPoints, PointOnLine, axis_faults, direction, ends_of
 from refkin.vec import BodyValues
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gear(Constraint):
-    """Two wheels, centres at rest, roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0 (J8).
+    """Two wheels roll on each other: radius_i (phi_i - phi_c - phi0_i) + radius_j (phi_j - phi_c - phi0_j) = 0 (J8).
 
-    Both angles are measured against the ground: wheels on a carrier that turns are not in gear by this. Nothing asks
-    where the centres are: only the ratio of radii matters; opposite signs are an internal gear, or a belt.
-    Source: (theta^i - theta^i_o) a^i + (theta^j - theta^j_o) a^j = 0.
+    Both angles count against body c, the carrier, on which both centres are at rest: the ground, or the arm of a
+    planetary gear. Nothing asks where the centres are: only the ratio of radii matters; opposite signs are an internal
+    gear, or a belt. Source: (theta^i - theta^i_o) a^i + (theta^j - theta^j_o) a^j = 0.
     """
 
     rows = 1
@@ -29,12 +29,13 @@ class Gear(Constraint):
     radius_j: float
     phi0_i: float = 0.0
     phi0_j: float = 0.0
+    carrier: str = GROUND
     type: Literal["gear"] = "gear"
 
     def elements(self) -> Iterator[Element]:
         yield RollingWheels(
             body_i=self.body_i, radius_i=self.radius_i, zero_i=self.phi0_i,
-            body_j=self.body_j, radius_j=self.radius_j, zero_j=self.phi0_j,
+            body_j=self.body_j, radius_j=self.radius_j, zero_j=self.phi0_j, carrier=self.carrier,
         )  # fmt: skip
 
     def reach(self) -> float:
@@ -47,17 +48,19 @@ class Gear(Constraint):
         for key in ("radius_i", "radius_j"):
             if getattr(self, key) == 0.0:
                 yield Fault(f"{path}.{key}", 0.0, "a radius that is not zero")
+        if self.carrier != GROUND and self.carrier in (self.body_i, self.body_j):
+            yield Fault(f"{path}.carrier", self.carrier, "a body other than the two wheels")
 
     @staticmethod
-    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return ((i.phi - g[2]) * g[0] + (j.phi - g[3]) * g[1],)
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, carrier: BodyValues) -> Rows:  # type: ignore[override]
+        return ((i.phi - carrier.phi - g[2]) * g[0] + (j.phi - carrier.phi - g[3]) * g[1],)
 
     @staticmethod
-    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        return ((0, 0, g[0]),), ((0, 0, g[1]),)
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, carrier: BodyValues) -> Blocks:  # type: ignore[override]
+        return ((0, 0, g[0]),), ((0, 0, g[1]),), ((0, 0, -(g[0] + g[1])),)
 
     @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+    def gamma(g: Any, f: Any, *bodies: BodyValues) -> Rows:
         return (0,)
 
 
@@ -68,8 +71,7 @@ class RackAndPinion(BetweenPoints):
     Body i is the rack, and carries the axis (in its own frame, of any length); body j is the pinion, with its centre at
     point_j. So axis_i . d says how far along the rack the pinion's centre is. The radius is positive for a pinion that
     lies to the right of the axis, negative to the left; the distance of its centre from the rack is held by other
-    joints. The pinion's angle counts against the rack, which may itself turn. Source: the equation of gears, with the
-    arc of the one wheel unrolled to a length.
+    joints. The pinion's angle counts against the rack, which may itself turn. Source: that of gears, one arc unrolled.
     """
 
     rows = 1
@@ -104,6 +106,4 @@ class RackAndPinion(BetweenPoints):
         ((x_i, y_i, phi_i),), ((x_j, y_j, phi_j),) = PointOnLine.jacobian(g, f, i, j)
         return ((x_i, y_i, phi_i + g[6]),), ((x_j, y_j, phi_j - g[6]),)
 
-    @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return PointOnLine.gamma(g, f, i, j)
+    gamma = staticmethod(PointOnLine.gamma)

@@ -245,7 +245,7 @@ def _features(element: Element, name: str, size: float, points: Any) -> Iterator
         yield Shape("guide", foot[:, None] + np.outer(axis, [-1.5 * size, 1.5 * size]))
     if isinstance(element, RollingOnLine) and element.body_j == name:
         yield Shape("wheel", np.array(element.point_j, float)[:, None], abs(element.radius))
-    if isinstance(element, RollingWheels) and name in element.bodies:
+    if isinstance(element, RollingWheels) and name in (element.body_i, element.body_j):
         radius = element.radius_i if element.body_i == name else element.radius_j
         yield Shape("wheel", points[:, :1] if points.shape[1] else np.zeros((2, 1)), abs(radius))
     if isinstance(element, Contact) and element.body_i == name:

@@ -31,6 +31,7 @@ from refkin.joints import (
     Driver,
 )
 from refkin.joints.checks import WrongCount, mechanism_faults, scene_faults
+from refkin.joints.elements import BODIES
 from refkin.model import Body, Effect, Evidence, Point
 from refkin.scenes import DEEPEST, MOST_TIMES, SCHEMA
 from refkin.scenes.explained import GROUPS, KEYS, TYPES, UnknownKey, at, unconnected
@@ -271,7 +272,7 @@ def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
 def _names(data: Any) -> tuple[list[str], list[str]]:
     """Return the names by which bodies, and joints, are called in a file, and those that they have."""
     items = [item for g in GROUPS if isinstance(data.get(g), list) for item in data[g] if isinstance(item, dict)]
-    used = [item.get(key) for item in items for key in ("body", "body_i", "body_j", "relative_to", "joint")]
+    used = [item.get(key) for item in items for key in ("body", *BODIES, "relative_to", "joint")]
     wanted = data.get("bodies_wanted")
     used += wanted if isinstance(wanted, list) else []
     return [x for x in used if isinstance(x, str)], [x["name"] for x in items if isinstance(x.get("name"), str)]

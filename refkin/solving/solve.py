@@ -24,7 +24,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
 from refkin.proof.path.curve import MISSING
 from refkin.proof.pose.choices import isolate_every_choice
-from refkin.proof.pose.isolate import FLOAT64, Isolation, isolate
+from refkin.proof.pose.isolate import FLOAT64, Isolation
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps

@@ -308,6 +308,31 @@ def geared_five_bar() -> Case:
     return Case(scene_of(rows, joints), rows, float(np.max(1.0 / np.abs(np.sin(right.p - left.p)))))
 
 
+def planet_five_bar() -> Case:
+    """A planet, with its centre on the crank, rolls on a wheel at rest, and its arm moves a link and a rocker."""
+    turned = 0.25 + 2.0 / 3.0 * (THETA.p + 0.125)
+    planet = Angle(THETA.p + turned, 5.0 / 3.0 * THETA.d, 5.0 / 3.0 * THETA.dd)
+    crank, arm, pivot = THETA.arm(1.0), planet.arm(0.5), at_rest(4.0 + 0j)
+    tip = crank + arm
+    link, rocker = dyad(tip, pivot, 3.5, 3.0, 1)
+    rows = {
+        "crank": body_rows(at_rest(0j), THETA),
+        "planet": body_rows(crank, planet),
+        "link": body_rows(tip, link),
+        "rocker": body_rows(pivot, rocker),
+    }
+    radii = {"body_i": GROUND, "radius_i": 0.5, "phi0_i": 0.125, "body_j": "planet", "radius_j": 0.75, "phi0_j": 0.25}
+    joints = (
+        pin("A", GROUND, 0j, "crank", 0j),
+        pin("P", "crank", 1.0, "planet", 0j),
+        pin("T", "planet", 0.5, "link", 0j),
+        pin("S", "link", 3.5, "rocker", 3.0),
+        pin("D", GROUND, 4.0, "rocker", 0j),
+        Gear(name="teeth", **radii, carrier="crank"),
+    )
+    return Case(scene_of(rows, joints), rows, float(np.max(1.0 / np.abs(np.sin(rocker.p - link.p)))))
+
+
 def remade(case: Case, **parts: Any) -> Case:
     """Return a case with other parts of its mechanism."""
     return replace(case, scene=replace(case.scene, mechanism=replace(case.scene.mechanism, **parts)))
@@ -338,6 +363,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "floating body": floating,
     "parallel links": parallel_links,
     "geared five-bar": geared_five_bar,
+    "planet five-bar": planet_five_bar,
 }
 
 

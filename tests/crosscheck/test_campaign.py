@@ -474,9 +474,9 @@ def test_a_disagreement_becomes_a_minimal_scene_that_still_has_its_cause(disagre
     scene, minimal = refkin.load(out / f"disagreements/{value.key}.toml"), refkin.load(out / value.file)
 
     assert length(minimal, "coupler") > 2 * length(minimal, "crank")
-    # By the digits of all numbers in the file; two times are enough, and lengths become round.
+    # By the digits of all numbers in the file; one time or two are enough, and lengths become round.
     assert effort(minimal) < min(200, effort(scene) / 3)
-    assert len(minimal.times) == 2
+    assert len(minimal.times) <= 2
 
 
 def test_the_time_for_simplifying_is_bounded_and_told(disagreeing):

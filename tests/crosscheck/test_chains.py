@@ -12,12 +12,18 @@ from crosscheck.measure.check import check
 from crosscheck.night.campaign import Turns, _by_engines, is_sampled
 from crosscheck.night.plan import SAMPLED, SAMPLED_EVERY, Journal
 from crosscheck.scenes.drawing import CHAINS_EVERY, draw, is_chain
-from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
+from crosscheck.strategies import Chain, cams, chains, geared_linkages, planets, racks, six_bars
 from refkin.motion import Status
 
 from .loop_scenes import general_cam
 
-KINDS = {"geared five-bar": geared_linkages, "rack and pinion": racks, "disc cam": cams, "six-bar": six_bars}
+KINDS = {
+    "geared five-bar": geared_linkages,
+    "planet five-bar": planets,
+    "rack and pinion": racks,
+    "disc cam": cams,
+    "six-bar": six_bars,
+}
 
 
 def sample(strategy, count):
@@ -86,7 +92,9 @@ def test_every_form_of_follower_and_mounting_is_drawn():
     assert len(forms) == 6
 
 
-@pytest.mark.parametrize(("kind", "engine"), [("geared five-bar", "exudyn"), ("six-bar", "exudyn")])
+@pytest.mark.parametrize(
+    ("kind", "engine"), [("geared five-bar", "exudyn"), ("planet five-bar", "mujoco"), ("six-bar", "exudyn")]
+)
 def test_an_engine_that_knows_the_joints_agrees(kind, engine):
     records = [check(d.scene, [engine]) for d in sample(KINDS[kind](), 6)]
 

@@ -40,10 +40,11 @@ class Builder(Drawing):
         }[kind]()
         return self
 
-    def mesh(self, i: str, j: str) -> Builder:
+    def mesh(self, i: str, j: str, carrier: str = "ground") -> Builder:
         """Add a gear between two bodies as they are turned."""
-        wheels = {"radius_i": 0.7, "phi0_i": self.pose[i][1], "radius_j": -0.4, "phi0_j": self.pose[j][1]}
-        self.joints.append(Gear(**self.named(), body_i=i, body_j=j, **wheels))
+        zeros = {f"phi0_{key}": self.pose[body][1] - self.pose[carrier][1] for key, body in (("i", i), ("j", j))}
+        wheels = {"body_i": i, "radius_i": 0.7, "body_j": j, "radius_j": -0.4, "carrier": carrier}
+        self.joints.append(Gear(**self.named(), **wheels, **zeros))
         return self
 
     def law(self, value: float) -> Sinusoid:
@@ -111,6 +112,11 @@ def trees() -> dict[str, Builder]:
         .hold("revolute", "a", "b")
         .mesh("ground", "b")
         .drive("angle", "a"),
+        "gear on a carrier": rr("a", "b", "c")
+        .hold("revolute", "a", "c")
+        .mesh("b", "c", "a")
+        .drive("angle", "a")
+        .drive("angle", "b"),
         "gear that nothing turns": Builder("a", "b")
         .hold("fixed", "ground", "a")
         .hold("prismatic", "ground", "b")

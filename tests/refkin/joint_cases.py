@@ -54,6 +54,7 @@ def constraints() -> list[Constraint]:
         *(Distance(**ends, length=1.3) for ends in (BETWEEN, GROUNDED)),
         Gear(name="c", body_i="a", radius_i=0.3, body_j="b", radius_j=-0.7, phi0_i=0.2, phi0_j=-0.4),
         Gear(name="c", body_i="ground", radius_i=0.3, body_j="b", radius_j=0.7, phi0_i=0.2),
+        Gear(name="c", body_i="b", radius_i=0.3, body_j="ground", radius_j=0.7, phi0_j=-0.4, carrier="a"),
         RackAndPinion(**BETWEEN, axis_i=(3.0, -1.5), radius=0.3, phi0=0.4, s0=0.2),
         RackAndPinion(**GROUNDED, axis_i=(0.0, -2.0), radius=-0.6),
         *(Cam(**BETWEEN, profile=Disc(radius=0.8), **follower) for follower in FOLLOWERS),
@@ -72,7 +73,8 @@ def name_of(constraint: Constraint) -> str:
     """Return what a message calls a case."""
     profile = getattr(constraint, "profile", None)
     contact = f" {constraint.follower} on {profile.kind}" if profile is not None else ""  # type: ignore[attr-defined]
-    return f"{constraint.type}{contact} from {constraint.bodies[0]}"
+    carried = " on a carrier" * ("a" in constraint.bodies[2:])
+    return f"{constraint.type}{contact} from {constraint.bodies[0]}{carried}"
 
 
 def system_of(constraint: Constraint, unit: Unit) -> tuple[System, slice]:

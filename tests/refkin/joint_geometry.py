@@ -38,7 +38,7 @@ def expected_rows(e: Any, pose: Mapping[str, Pose], t: float, s: float) -> list[
         return [turned - (values[0] if values else e.angle)]
     if isinstance(e, RollingWheels):
         wheels = (e.radius_i, e.body_i, e.zero_i), (e.radius_j, e.body_j, e.zero_j)
-        return [sum(radius * (pose[body][1] - zero) for radius, body, zero in wheels)]
+        return [sum(radius * (pose[body][1] - pose[e.carrier][1] - zero) for radius, body, zero in wheels)]
     gap = _point(pose[e.body_j], e.point_j) - _point(pose[e.body_i], e.point_i)
     if isinstance(e, PointsCoincide):
         return _parts(gap - (complex(*values) if values else 0j))

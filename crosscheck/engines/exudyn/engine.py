@@ -93,6 +93,7 @@ CAPABILITIES: Capabilities = {
     "angle": _LINEAR,
     "angle by a law": _rows("exudyn takes no second derivative of a driver: f'' by the adapter"),
     "rolling wheels": _LINEAR,
+    "rolling wheels on a carrier": dict.fromkeys(Level, refused("its relative rotation of two bodies counts no turns")),
     "points of space coincide": _FROM_POINTS,
     "distance of space": _FROM_POINTS,
     **dict.fromkeys(

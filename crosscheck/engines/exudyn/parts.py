@@ -241,7 +241,7 @@ def _wheels(b: Builder, e: RollingWheels) -> None:
     factor = -e.radius_j / e.radius_i
     teeth = b.mbs.AddObject(
         item.CoordinateConstraint(
-            markerNumbers=[b.angle(body) for body in e.bodies], factor1=factor, offset=factor * e.zero_j - e.zero_i
+            markerNumbers=[b.angle(e.body_i), b.angle(e.body_j)], factor1=factor, offset=factor * e.zero_j - e.zero_i
         )
     )
     b.add(e, teeth, factor=-b.unit.size / e.radius_i, power=0, ends=())

@@ -83,7 +83,7 @@ CAPABILITIES: Capabilities = {
     "point on line": _LINE,
     "distance": native_but(drift=_BIAS, solve=_BIAS),
     "angle": native_but(),
-    "rolling wheels": native_but(),
+    **dict.fromkeys(("rolling wheels", "rolling wheels on a carrier"), native_but()),
     "angle by a law": _LAW,
     "coordinate by a law": _LAW,
     "distance by a law": by_level(_SQUARED, _LAW[Level.SOLVE]),

@@ -173,11 +173,11 @@ class Plan:
         return self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
 
     def _wheels(self, name: str, e: joints.RollingWheels) -> None:
-        """Hold the turns of two bodies, each times its radius, at a sum of zero."""
-        radii = {e.body_i: e.radius_i / self.tree.size, e.body_j: e.radius_j / self.tree.size}
-        turns = sum(radius * self.tree.angle_rows[body] for body, radius in radii.items())
-        zeros = {e.body_i: e.zero_i, e.body_j: e.zero_j}
-        wanted = sum(radius * (zeros[body] - self.tree.angle_offsets[body]) for body, radius in radii.items())
+        """Hold the turns of two bodies against a third, each times its radius, at a sum of zero."""
+        rows, offsets, size = self.tree.angle_rows, self.tree.angle_offsets, self.tree.size
+        wheels = ((e.body_i, e.radius_i / size, e.zero_i), (e.body_j, e.radius_j / size, e.zero_j))
+        turns = sum(radius * (rows[body] - rows[e.carrier]) for body, radius, _ in wheels)
+        wanted = sum(radius * (zero - offsets[body] + offsets[e.carrier]) for body, radius, zero in wheels)
         if not np.any(turns):
             self.sources.append(Source(element=e, constant=-wanted))
             return

@@ -63,7 +63,7 @@ CAPABILITIES: Capabilities = {
     **{key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "point on line", "angle")},
     "distance": by_level(NO_DISTANCE, LINK),
     **dict.fromkeys(DRIVEN, by_level(NO_DRIVER, OWN_ROW)),
-    "rolling wheels": dict.fromkeys(Level, NO_MIMIC),
+    **dict.fromkeys(("rolling wheels", "rolling wheels on a carrier"), dict.fromkeys(Level, NO_MIMIC)),
     "points of space coincide": dict.fromkeys(Level, NATIVE),
     "axes parallel": by_level(TWO_PAIRS, NATIVE),
     "screw": by_level(NO_ROW, NATIVE),

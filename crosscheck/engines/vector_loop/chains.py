@@ -91,7 +91,10 @@ class VectorChains:
             return
         if isinstance(e, joints.RollingWheels):
             size = self._estimates.size
-            turning = ((e.radius_i / size, self._angles[e.body_i]), (e.radius_j / size, self._angles[e.body_j]))
+            radii = {e.body_i: e.radius_i / size, e.body_j: e.radius_j / size}
+            if e.carrier != joints.GROUND:
+                radii[e.carrier] = -sum(radii.values())
+            turning = tuple((radius, self._angles[body]) for body, radius in radii.items())
             self.relations.append(AngleRelation(turning, -(e.radius_i * e.zero_i + e.radius_j * e.zero_j) / size))
             return
         ends = [(joints.GROUND, 0j)] if isinstance(e, joints.PointCoordinate) else []

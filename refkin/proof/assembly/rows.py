@@ -7,8 +7,8 @@ line     a point of j stays on a line of i              point on line, coordinat
 distance two points keep a distance                     distance
 ======== ============================================== =========================================================
 
-* where the drivers give the angles that it takes: those of one wheel of a gear, of pinion and rack, of a body that an
-offset is seen from. Otherwise, and with other cams, the constraint is none of the kinds.
+* where the drivers give the angles that it takes: of one wheel of a gear and its carrier, or of both wheels, of pinion
+and rack, of a body that an offset is seen from. Otherwise, and with other cams, the constraint is none of the kinds.
 
 The numbers are those of `exact`: the scene's as they stand, scaled by the unit of the system. With `spread` > 0 each is
 instead a ball of that relative radius (relative to the size where a length is smaller than it): what a redundant
@@ -156,12 +156,12 @@ def angles_from(
 
 
 def _angles(relative_angles: list[AngleConstraint], gears: list[_Reader]) -> dict[str, Ball]:
-    """Return the angle of each body that follows from those given; a gear with one known wheel gives one more."""
+    """Return the angle of each body that follows from those given; a gear of which two are known gives one more."""
     angles: dict[str, Ball] = {}
     while True:
         for _ in angles_from(GROUND, relative_angles, angles):
             pass  # who disagrees is asked where the mechanism is put together
-        turned = next((gear for gear in gears if not angles.keys().isdisjoint(gear.e.bodies)), None)
+        turned = next((gear for gear in gears if gear.turns_one(angles)), None)
         if turned is None:
             return angles
         gears.remove(turned)
@@ -183,14 +183,26 @@ class _Reader:
         if isinstance(e, RelativeAngle):
             yield AngleConstraint(e.body_i, e.body_j, self._wide(self.laws[0] if self.laws else e.angle), e.name)
 
+    def turns_one(self, angles: dict[str, Ball]) -> bool:
+        """Return whether a gear gives the angle of a body, of the wheels and the carrier, by those of two others."""
+        e = self.e
+        two = sum(body in angles for body in e.bodies) >= 2
+        return two and (e.carrier in angles or not (e.radius_i + e.radius_j).contains(0))
+
     def gear(self, angles: dict[str, Ball]) -> AngleConstraint:
-        """Return the angle of the second wheel of two whose first is known, or the other way round."""
+        """Return the angle of the body that a gear turns."""
         e = self.e
         radius_i, radius_j = (self._length(radius) for radius in (e.radius_i, e.radius_j))
         zero_i, zero_j = self._wide(e.zero_i), self._wide(e.zero_j)
-        if e.body_i in angles:
-            return AngleConstraint(GROUND, e.body_j, zero_j - radius_i / radius_j * (angles[e.body_i] - zero_i), e.name)
-        return AngleConstraint(GROUND, e.body_i, zero_i - radius_j / radius_i * (angles[e.body_j] - zero_j), e.name)
+        phi_i, phi_j, carrier = (angles.get(body) for body in e.bodies)
+        if carrier is None:
+            turned = radius_i * (phi_i - zero_i) + radius_j * (phi_j - zero_j)
+            return AngleConstraint(GROUND, e.carrier, turned / (radius_i + radius_j), e.name)
+        if phi_i is not None:
+            turned = carrier + zero_j - radius_i / radius_j * (phi_i - carrier - zero_i)
+            return AngleConstraint(GROUND, e.body_j, turned, e.name)
+        turned = carrier + zero_i - radius_j / radius_i * (phi_j - carrier - zero_j)
+        return AngleConstraint(GROUND, e.body_i, turned, e.name)
 
     def rows(self, angles: dict[str, Ball]) -> Iterator[PointRow]:
         """Yield what the element says of points; nothing if it is none of the kinds."""
