@@ -136,7 +136,7 @@ def solve_many(
         ``{"A0": {"point_j": (-0.5 * crank, 0.0)}, "motor": {"law": Polynomial(coefficients=(0.0, speed))}}``.
     estimates : mapping, optional
         Body -> (x, y, phi) at the first time, numbers or rows; those of the scene by default. A sample whose estimate
-        is not much nearer to one assembly than to all others is not ok.
+        is not within 0.2 sizes and rad of an assembly, and much nearer to it than to all others, is not ok.
     reducer : callable, optional
         Is called with a `Slice` for every block of at most 10,240 mechanisms and every time, in order; what it returns
         is kept in `Many.reduced`, and no coordinates are stored. Without it all coordinates are: 8 n M T bytes for each

@@ -14,12 +14,14 @@ from typing import Any, cast
 
 import numpy as np
 
+from refkin.analysis import estimate_of
 from refkin.errors import Fault, InvalidScene, RefkinError, expect
-from refkin.joints import PLANE, Unit, initial_contacts
+from refkin.joints import PLANE, Unit
 from refkin.model import Effect, Scene
 from refkin.motion import SINGULAR, Status
 from refkin.newton import ROUND_OFF, contracts
 from refkin.proof.formulas import agreeing
+from refkin.solving.starts import NEARBY
 from refkin.system import ConstraintRows, System, compile_system
 from refkin.vec import BodyValues, ParameterValue
 
@@ -196,9 +198,10 @@ class _Values:
 def solve_large(scene: Scene) -> Large:
     """Return position, velocity and acceleration at the scene's first time, as far as it calls for them.
 
-    Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once,
-    the residual is at round-off, `Large.h` is small and the inverse of phi_q no larger than at a regular pose
-    (`SINGULAR`); nothing is searched for and nothing is proved. Points of the scene are not read.
+    Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once and
+    found it within 0.2 sizes and rad, the residual is at round-off, `Large.h` is small and the inverse of phi_q no
+    larger than at a regular pose (`SINGULAR`); nothing is searched for and nothing is proved. Points of the scene are
+    not read.
 
     Raises
     ------
@@ -210,9 +213,8 @@ def solve_large(scene: Scene) -> Large:
     missing = [b.name for b in scene.mechanism.bodies if b.estimate is None]
     if missing:
         raise InvalidScene([Fault(f"body {missing[0]!r}", None, "an estimate of its first pose")], scene.name)
-    estimate = system.to_unit(np.array([x for b in scene.mechanism.bodies for x in b.estimate or ()]))
     sparse, t, steps = SparseSystem(system), scene.times[0], list[float]()
-    q = initial_contacts(system, estimate, t)
+    q = estimate = estimate_of(system, scene)
     residual = sparse.phi(q, t)
     try:
         for _ in range(MOST_NEWTON):
@@ -228,7 +230,8 @@ def solve_large(scene: Scene) -> Large:
         off = float(np.max(np.abs(residual)))
         return Large(Status.NOT_CONVERGED, None, None, None, off, np.inf, np.inf, tuple(steps))
     size = float(np.max(np.abs(residual)))
-    closes = size <= ROUND_OFF * scale and steps[-1] <= ENOUGH * scale and contracts(steps)
+    near = bool(np.max(np.abs(q - estimate)) <= NEARBY)
+    closes = size <= ROUND_OFF * scale and steps[-1] <= ENOUGH * scale and contracts(steps) and near
     norm = inverse_norm(lu, len(q))
     h = LIPSCHITZ * norm * float(np.max(np.abs(lu.solve(residual))))
     # A residual may be 0 however singular the pose is. Of n rows sigma_min is at most sqrt(n) / norm.

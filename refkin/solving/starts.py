@@ -29,9 +29,9 @@ from refkin.system import System, compile_system
 
 USELESS = 1e12
 """Estimates further out [sizes, rad] say nothing: at most four digits of an angle are left there."""
-NEARBY = 1.0
+NEARBY = 0.2
 """What Newton finds further from its estimate [sizes, rad] is not told to be the nearest by how it went there: that
-tells of curvature, and not that angles come round again."""
+tells of curvature near it, and nothing of a fold that its first step went over, or of angles that come round again."""
 NEW_ESTIMATES = 6
 """How many estimates are made up where the given one leads nowhere."""
 TURNED = 1e-9

@@ -695,6 +695,47 @@ def test_of_many_the_one_that_newton_takes_far_from_its_estimate_is_not_ok():
     assert [many.status(sample)[0] is Status.OK for sample in range(3)] == [True, False, False]
 
 
+@pytest.mark.parametrize(
+    ("lengths", "turned", "estimates", "crank"),
+    [
+        (
+            (1.3348, 1.0635, 1.157, 0.2739),
+            -1.8972,
+            ((-0.0301, -0.0018, 1.1118), (0.6267, 1.192, -0.7542), (0.2755, -0.02, 0.3519)),
+            1.0998583,
+        ),
+        (
+            (0.6185, 1.2265, 1.5339, 0.5984),
+            4.0249,
+            ((0.0337, -0.1405, 4.547), (-0.1224, -0.6737, 8.5711), (0.5205, -0.0239, 2.8158)),
+            4.5049616,
+        ),
+    ],
+)
+def test_newton_contracts_to_an_assembly_that_is_five_times_as_far_and_it_is_not_taken(
+    lengths, turned, estimates, crank
+):
+    """A coupler is turned against its crank: of the rows it leaves, Newton jumps over the fold, and then contracts."""
+    a, b, c, base = lengths
+    pins = (
+        ("O", "ground", 0.0, "a", 0.0),
+        ("A", "a", a, "b", 0.0),
+        ("C", "b", b, "c", c),
+        ("B", "ground", base, "c", 0.0),
+    )
+    joints = tuple(
+        Revolute(name=name, body_i=i, point_i=(x, 0.0), body_j=j, point_j=(y, 0.0)) for name, i, x, j, y in pins
+    )
+    motor = AngleDriver(name="motor", body="b", relative_to="a", law=Polynomial(coefficients=(turned,)))
+    bodies = tuple(Body(name=name, estimate=q) for name, q in zip("abc", estimates, strict=True))
+    scene = Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=(0.0,))
+    many, large = fast.solve_many(scene, {"A": {"point_i": (np.full(2, a), 0.0)}}), fast.solve_large(scene)
+
+    assert [solving(scene)["a"].phi[0] for solving in (refkin.solve, fast.sweep)] == pytest.approx([crank] * 2)
+    assert many.status(0)[0] is not Status.OK or many.q[2, 0, 0] == pytest.approx(crank)
+    assert large.status is not Status.OK or large.q[2] == pytest.approx(crank)
+
+
 @pytest.mark.parametrize(("smallest", "solvable", "known"), [(1e-2, True, False), (1e-6, False, True)])
 def test_what_is_below_the_rounding_of_the_largest_entries_is_nothing_to_solve_with(smallest, solvable, known):
     """Rows of 1e12 are rounded by 1e-4: a singular value of 1e-6 is asked for, and is none."""

@@ -63,6 +63,14 @@ def test_position_velocity_and_acceleration_are_those_of_the_reference(windows, 
         assert np.max(np.abs(ours - theirs[:, 0])) <= 1e-15 * result.inverse_norm * max(1.0, np.max(np.abs(theirs)))
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_every_kind_of_joint_is_solved_as_by_the_reference(name):
+    result, motion = solve_large(SCENES[name]), refkin.solve(SCENES[name])
+
+    assert result.status is Status.OK
+    assert np.max(np.abs(result.q[: len(motion.q)] - motion.q[:, 0])) <= 1e-12 * result.inverse_norm
+
+
 @pytest.mark.parametrize("loops", [300, 10_000])
 def test_ten_thousand_loops_are_solved_on_all_levels(loops):
     """60,003 coordinates; held against the rows of the reference, and the grouped rows' own products."""
