@@ -311,8 +311,9 @@ class _Continuation:
         poses = [self.pose(x) for x in trace.points]
         q = np.array([pose[0] for pose in poses]).reshape(len(poses), system.n).T
         t = np.array([pose[1] for pose in poses])
-        for limit in filter(math.isfinite, self.limits):  # in the units of the curve it may be a rounding off
-            t[np.abs(t - limit) <= EPS * abs(limit)] = limit
+        ends = [limit for limit in self.limits if math.isfinite(limit)]
+        for limit in ends:  # in the units of the curve it may be a rounding off
+            t[np.abs(t - limit) <= EPS * max(map(abs, ends))] = limit
         residual, radius = _evidence(system, q, t)
         driven = (d for d in system.mechanism.drivers if d.law is _ITSELF)
         own = (f"{d.name} [{'rad' if d.law_is_angle else 'm'}]" for d in driven)

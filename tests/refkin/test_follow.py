@@ -83,6 +83,15 @@ def test_what_no_law_moves_stays_where_it_is():
     assert np.ptp(path.q, axis=1).max() < 1e-12
 
 
+def test_a_path_begins_at_the_limit_itself_where_that_is_zero():
+    """Least squares over a pin that is there twice leave 1e-32 s, which lay outside of the limits."""
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(0.0, 1.0))
+    again = (*scene.mechanism.joints, replace(scene.mechanism.joints[0], name="again"))
+    path = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, joints=again)), until=(0.0, 1.0))
+
+    assert (path.t[0], path.t[-1]) == (0.0, 1.0)
+
+
 @pytest.mark.parametrize("until", [(0.6, 2.0), (-2.0, 0.4)])
 def test_a_path_that_begins_where_it_may_not_be_is_refused(until):
     """It was said to leave a range in which it never was."""
