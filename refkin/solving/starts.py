@@ -216,6 +216,8 @@ def _choice(
         told = f"nearer than {others} others" if others else "the only one"
         return poses[nearest], f"{why}: that of the estimate, {told} found"
     many = max(len(search.poses), others + 1)
+    if many == 1 and search.complete and not missing:
+        return poses[nearest], ""
     which = f"assembly {nearest + 1} of {many}" if many > 1 else "the only assembly"
     which += "" if search.complete else " found"
     mode = f", mode {search.branches[nearest]}" if search.branches[nearest] else ""
