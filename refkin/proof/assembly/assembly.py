@@ -22,7 +22,7 @@ from refkin.motion import Array
 from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
-from refkin.proof.assembly.rows import PointRow, RowKind, read_rows
+from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, read_rows
 from refkin.proof.assembly.search import Assemblies, Search, by_search, closes, coordinates, none_of
 from refkin.proof.assembly.spatial import across, assemblies_in_space, certain_miss, point_rows
 from refkin.system import System
@@ -30,8 +30,6 @@ from refkin.system import System
 PRECISION = 113
 MOST_LOOPS, LONGEST_LOOP = 200, 8
 """How many loops are looked at, of how many links, for one that is longer than all the others of its loop together."""
-SPREAD = 2.0**-50
-"""Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
 
 
 def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:

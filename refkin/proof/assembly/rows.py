@@ -45,6 +45,9 @@ from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
 from refkin.vec import Vec
 
+SPREAD = 2.0**-50
+"""Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
+
 
 class RowKind(Enum):
     """What a row says of two points."""
@@ -257,9 +260,23 @@ class _Reader:
         return self._wide(x / self.unit.size)
 
     def _wide(self, x: Any, scale: float = 1.0) -> Ball:
-        """Return x as a ball of radius spread max(scale, |x|)."""
-        x = arb(x)
-        return x + arb(0, self.spread) * abs(x).max(scale) if self.spread else x
+        return wide(x, self.spread, scale)
+
+
+def wide(x: Any, spread: float, scale: float = 1.0) -> Ball:
+    """Return x as a ball of radius spread max(scale, |x|).
+
+    Parameters
+    ----------
+    x : float or ball
+        A number.
+    spread : float
+        As of `read_rows`.
+    scale : float
+        What a number counts as at least, in sizes.
+    """
+    x = arb(x)
+    return x + arb(0, spread) * abs(x).max(scale) if spread else x
 
 
 def _seen_from(angle: Ball, v: Vec) -> Vec:

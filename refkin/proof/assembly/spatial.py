@@ -6,7 +6,7 @@ body on two spherical joints, keeps it on a sphere around a point that stands. W
 there is no pose: the gap is what is missing. So ends an RSSR whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short.
 Of any mechanism the points that coincide, and the distances that are given, make loops (`point_rows`), of which none
 may have a side longer than all the others together; nor may one that an axis closes, along which all may slide, be
-wider across it than the rest is long (`assembly`).
+wider across it than the rest is long (`assembly`). Where rows are redundant all numbers are spread, as in `rows`.
 
 Of the assemblies nothing is proved to be all there is. Starts come from a fixed sequence: orientations spread evenly
 over all turns (Shoemake, Uniform random rotations, 1992, on Halton's sequence), origins within the mechanism's size.
@@ -15,7 +15,7 @@ over all turns (Shoemake, Uniform random rotations, 1992, on Halton's sequence),
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any, cast
 
@@ -30,7 +30,6 @@ from refkin.joints import (
     ShiftAlongAxis,
     SpatialPointDistance,
     TurnAboutAxis,
-    Unit,
     initial_contacts,
     passive_spins,
 )
@@ -38,7 +37,7 @@ from refkin.joints.spatial_frames import frame
 from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.closed_form import DeadEnd
 from refkin.proof.assembly.loci import Ball, below, length, root
-from refkin.proof.assembly.rows import PointRow, RowKind
+from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, wide
 from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined
 from refkin.proof.numbers.exact import exact
 from refkin.system import System
@@ -73,21 +72,21 @@ def point_rows(system: System, t: float) -> list[PointRow]:
 
     Of a point on an axis the row is that of a line; its `normal` are the axis, and that of body j along it, or None.
     """
-    size, rows = system.unit.size, list[PointRow]()
+    reader, rows = _SpatialReader(system, t), list[PointRow]()
     slides = {j.name for j in system.mechanism.joints if any(isinstance(e, PointOnAxis) for e in j.elements())}
     for c in system.mechanism.constraints:
-        for e in exact(tuple(c.elements())):
+        for e in c.elements():
             driven = isinstance(e, ShiftAlongAxis) and getattr(c, "joint", "") in slides
             if not (driven or isinstance(e, PointsMeet | SpatialPointDistance | PointOnAxis)):
                 continue
-            (i, p), (j, q) = ((body, Vec3(*(arb(x) / size for x in u))) for body, u in e.ends)
+            (i, p), (j, q) = ((body, reader.vector(u)) for body, u in exact(e.ends))
             if isinstance(e, PointOnAxis):
-                axis_j = getattr(exact(c), "axis_j", None)
-                axes = tuple(axis and frame(axis, None)[2] for axis in (e.axis_i, axis_j))
+                axis_j = getattr(c, "axis_j", None)
+                axes = tuple(axis and reader.frame(exact(axis))[2] for axis in (e.axis_i, axis_j))
                 rows.append(PointRow(RowKind.LINE, i, j, cast(Any, p), cast(Any, q), c.name, normal=cast(Any, axes)))
                 continue
             meets = isinstance(e, PointsMeet)
-            apart = None if meets else abs(arb(e.laws[0](arb(float(t)), 0) if e.laws else e.length)) / size
+            apart = None if meets else reader.distance(e)
             kind = RowKind.PIN if meets else RowKind.DISTANCE
             rows.append(PointRow(kind, i, j, cast(Any, p), cast(Any, q), c.name, distance=apart))
     return rows
@@ -96,31 +95,49 @@ def point_rows(system: System, t: float) -> list[PointRow]:
 class _SpatialReader:
     def __init__(self, system: System, t: float) -> None:
         self.mechanism, self.t = system.mechanism, arb(float(t))
-        self.scale = Unit(system.unit.size)
+        self.size, self.spread = system.unit.size, SPREAD if system.m > system.n else 0.0
         self.joints = {c.name: (c, exact(c)) for c in self.mechanism.joints}
-        self.places: dict[str, Place] = {GROUND: self._vector}
+        self.places: dict[str, Place] = {GROUND: self.vector}
         for driver in self.mechanism.constraints[len(self.mechanism.joints) :]:
             for element in driver.elements():
                 if isinstance(element, TurnAboutAxis | ShiftAlongAxis) and element.body_i == GROUND:
-                    self._place(exact(driver), self.joints[driver.joint], isinstance(element, TurnAboutAxis))  # type: ignore[attr-defined]
+                    self._place(driver, self.joints[driver.joint], isinstance(element, TurnAboutAxis))  # type: ignore[attr-defined]
 
-    def _vector(self, u: Any) -> Vec3:
-        return Vec3(*(x / self.scale.size for x in u))
+    def vector(self, u: Any) -> Vec3:
+        """Return a point as it is given, scaled."""
+        return self._wide(x / self.size for x in u)
+
+    def frame(self, axis: Any, zero: Any = None) -> tuple[Vec3, ...]:
+        """Return a joint's (f, g, h) on a body."""
+        return tuple(self._wide(v.parts) for v in frame(axis, zero))
+
+    def distance(self, e: Any) -> Ball:
+        """Return how far apart an element keeps two points, scaled; a law may be negative."""
+        return abs(self._value(e.laws[0], self.size) if e.laws else wide(arb(e.length) / self.size, self.spread))
+
+    def _wide(self, parts: Iterable[Any]) -> Vec3:
+        return Vec3(*(wide(x, self.spread) for x in parts))
+
+    def _value(self, law: Any, size: float = 1.0) -> Ball:
+        """Return a law's value, scaled; its numbers are spread, and the time, which moves it by its rate."""
+        value, rate = (arb(exact(law)(self.t, order)) / size for order in (0, 1))
+        off = arb(exact(law, self.spread)(self.t, 0)).rad() / size
+        return value + arb(0, 1) * (off.max(self.spread) + self.spread * abs(self.t * rate))
 
     def _place(self, driver: Any, joint: Any, turning: bool) -> None:
         """Note where a body stands that a driver holds on a hinge, or on a slide, of the ground."""
         kinds, c = {type(e) for e in joint[0].elements()}, joint[1]
         if kinds != (HINGE if turning else SLIDE) or c.body_i != GROUND or None in (c.zero_i, c.zero_j):
             return
-        value = driver.laws[0](self.t, 0)
-        (f, g, h), own, start = frame(c.axis_i, c.zero_i), frame(c.axis_j, c.zero_j), self._vector(c.point_i)
+        (f, g, h), own = self.frame(c.axis_i, c.zero_i), self.frame(c.axis_j, c.zero_j)
+        start, value = self.vector(c.point_i), self._value(driver.laws[0], 1.0 if turning else self.size)
         if turning:
             f, g = f * value.cos() + g * value.sin(), g * value.cos() - f * value.sin()
         else:
-            start = start + h * (value / self.scale.size)
+            start = start + h * value
 
         def place(u: Any) -> Vec3:
-            arm = self._vector(tuple(x - y for x, y in zip(u, c.point_j, strict=True)))
+            arm = self.vector(u) - self.vector(c.point_j)
             x, y, z = (arm.dot(v) for v in own)
             there: Vec3 = start + f * x + g * y + h * z
             return there
@@ -131,17 +148,16 @@ class _SpatialReader:
         """Yield links from a point that stands: name, that point, the other end's point and body, the length."""
         links = []
         for c in self.mechanism.constraints:
-            for e in exact(tuple(c.elements())):
+            for e in c.elements():
                 if isinstance(e, SpatialPointDistance):
-                    reach = e.laws[0](self.t, 0) if e.laws else e.length
-                    links.append((c.name, e.ends, abs(reach) / self.scale.size))  # a law may be negative
+                    links.append((c.name, exact(e.ends), self.distance(e)))
         for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
             joints = [c for c in self.mechanism.joints if len(spin.keys() & {*c.bodies}) == 1]
             held = [e for c in joints for e in exact(tuple(c.elements()))]
             own = [end for e in held for end in e.ends if end[0] in spin]
             if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:
                 ends = tuple(next(end for end in e.ends if end[0] not in spin) for e in held)
-                links.append((own[0][0], ends, length(self._vector(own[0][1]) - self._vector(own[1][1]))))
+                links.append((own[0][0], ends, length(self.vector(own[0][1]) - self.vector(own[1][1]))))
         for name, ends, reach in links:
             for (a, u), (b, v) in (ends, ends[::-1]):
                 if a in self.places:
@@ -156,11 +172,11 @@ class _SpatialReader:
             if GROUND not in plain.bodies or body not in plain.bodies or not (kinds == HINGE or kinds >= LOOSE):
                 continue
             i, j = ("i", "j") if c.body_i == GROUND else ("j", "i")
-            axis, at = getattr(c, f"axis_{i}"), self._vector(getattr(c, f"point_{i}"))
-            _, _, h = frame(axis, None)
-            own = self._vector(tuple(x - y for x, y in zip(u, getattr(c, f"point_{j}"), strict=True)))
+            axis, at = getattr(c, f"axis_{i}"), self.vector(getattr(c, f"point_{i}"))
+            _, _, h = self.frame(axis)
+            own = self.vector(u) - self.vector(getattr(c, f"point_{j}"))
             if kinds == HINGE:
-                _, _, turning = frame(getattr(c, f"axis_{j}"), None)
+                _, _, turning = self.frame(getattr(c, f"axis_{j}"))
                 height = own.dot(turning)
                 radius, w = length(own - turning * height), near - at - h * height
                 up = w.dot(h)
@@ -168,9 +184,9 @@ class _SpatialReader:
                 nearest, furthest = (root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
                 return max([nearest - reach, reach - furthest], key=below)
             if kinds != SLIDE:
-                return abs(across(near - at, h) - across(own, frame(getattr(c, f"axis_{j}"), None)[2])) - reach
-            rest = frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
-            f, g, _ = frame(axis, getattr(c, f"zero_{i}"))
+                return abs(across(near - at, h) - across(own, self.frame(getattr(c, f"axis_{j}"))[2])) - reach
+            rest = self.frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
+            f, g, _ = self.frame(axis, getattr(c, f"zero_{i}"))
             w = near - at - f * own.dot(rest[0]) - g * own.dot(rest[1])
             return length(w - h * w.dot(h)) - reach
         return None

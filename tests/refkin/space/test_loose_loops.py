@@ -1,13 +1,25 @@
-"""Loops with a joint that slides along an axis: what is proved not to close, and that nothing is that does."""
+"""Loops with a joint that slides along an axis, or that rounding opens: what is proved not to close is not closed."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from flint import ctx
 
 import refkin
-from refkin.joints import Cylindrical, DisplacementDriver, Screw, SpatialPrismatic, Unit
+from refkin.joints import (
+    Cylindrical,
+    DisplacementDriver,
+    Screw,
+    SpatialAngleDriver,
+    SpatialDistance,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+    Unit,
+)
 from refkin.model import Body, Mechanism
 from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
@@ -82,3 +94,54 @@ def test_a_slide_that_is_driven_along_its_axis_keeps_its_points_as_far_apart_as_
     rows = point_rows(compile_system(Mechanism((body,), (joint,), (driver,))), 0.0)
 
     assert [(row.name, float(row.distance)) for row in rows if row.distance is not None] == [("leg", 0.7)]
+
+
+def door(on, high, short, estimate=None):
+    """Return a door at a height that is held twice, its own numbers rounded near 1, those of the ground at the height.
+
+    What is written the second time is too short by `short`.
+    """
+    first, second = ({"name": name, "body_i": "ground", "body_j": "door"} for name in "HT")
+    foot = {"point_i": (0.1, 0.2, high + 0.1), "point_j": (0.0, 0.0, 0.1)}
+    top = {"point_i": (0.1, 0.2, high + 1.8), "point_j": (0.0, 0.0, 1.8 - short)}
+    axis, zero = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))[:: 1 if on == "a slide and a point" else -1]
+    frames = {"axis_i": axis, "axis_j": axis, "zero_i": zero, "zero_j": zero}
+    motor = SpatialAngleDriver(name="motor", joint="H", law=refkin.Polynomial(coefficients=(0.1, 1.0)))
+    hinge, drivers = SpatialRevolute(**first, **foot, **frames), (motor,)
+    if on == "a slide and a point":
+        joints, drivers = (SpatialPrismatic(**first, **foot, **frames), Spherical(**second, **top)), ()
+    elif on == "a hinge and a link":
+        ends = {**top, "point_j": (0.0, 0.0, 0.1)}
+        joints = (hinge, SpatialDistance(**second, **ends, length=1.7 - short))
+    else:
+        joints = (hinge, SpatialRevolute(**second, **top, **frames))
+    body = Body(name="door", estimate=estimate)
+    return refkin.Scene(mechanism=Mechanism((body,), joints, drivers), times=(0.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("on", "high"),
+    [("two hinges", 100.0), ("two hinges", 1e4), ("a hinge and a link", 100.0), ("a slide and a point", 1e3)],
+)
+def test_redundant_loops_that_rounding_opens_are_assembled_and_wider_ones_are_not(on, high):
+    """Whatever the estimate is: eight half-ulps of every number may be missing, of the ground's at its height."""
+    for estimate in (None, (0.1, 0.2, high, 1.0, 0.0, 0.0, 0.0)):
+        motion = refkin.solve(door(on, high, 0.0, estimate))
+        assert motion.status == (Status.OK,) * 2, motion.message
+        wide = refkin.solve(door(on, high, 1e-8, estimate))
+        assert wide.status == (Status.UNASSEMBLABLE,) * 2, wide.message
+
+
+@pytest.mark.parametrize(("ulps", "missed"), [(4, False), (400, True)])
+def test_a_redundant_link_misses_by_what_rounding_of_a_late_time_does_not_explain(ulps, missed):
+    """A link as long as a fast door makes it a few ulps of the time later: a radian has few digits by then."""
+    t, law = 1000.1, refkin.Sinusoid(amplitude=0.5, angular_frequency=1e3)
+    scene = door("a hinge and a link", 0.0, 0.0)
+    hinge, link = scene.mechanism.joints
+    angle = law(t + ulps * np.spacing(t))
+    length = float(np.hypot(2.0 - np.cos(angle), np.sin(angle)))
+    link = replace(link, point_i=(2.1, 0.2, 0.0), point_j=(1.0, 0.0, 0.0), length=length)
+    motor = replace(scene.mechanism.drivers[0], law=law)
+    mechanism = replace(scene.mechanism, joints=(hinge, link), drivers=(motor,))
+
+    assert (certain_miss(system_of(replace(scene, mechanism=mechanism)), t) is not None) == missed
