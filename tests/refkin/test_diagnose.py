@@ -440,6 +440,16 @@ def test_common_roots_of_forms_are_all_found_once():
     assert np.max(np.abs(np.abs(result) - 3**-0.5)) < 1e-14
 
 
+def test_a_double_root_of_forms_is_one_direction():
+    """a^2 = b c and c (b - c) = 0: the conic has two points on one line, and touches the other."""
+    conic = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -0.5], [0.0, -0.5, 0.0]])
+    lines = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.5], [0.0, 0.5, -1.0]])
+    for seed in range(26):
+        turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+
+        assert len(common_roots([turn @ form @ turn.T for form in (conic, lines)])) <= 3
+
+
 def test_forms_have_no_common_root_where_least_squares_satisfy_but_one_of_them():
     """a^2 = b^2 by symmetry; a^2 + b^2 is c^2 and 3 c^2 for none."""
     assert common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, -3.0])]) == ()

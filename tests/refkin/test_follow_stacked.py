@@ -1,4 +1,4 @@
-"""Paths through poses where several linkages that are stacked on each other are at their change points at once."""
+"""Paths through poses where several rows depend at once: of linkages stacked on each other, and of one of space."""
 
 from __future__ import annotations
 
@@ -10,7 +10,19 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene, Status
+from refkin import (
+    AngleDriver,
+    Body,
+    Mechanism,
+    Polynomial,
+    Revolute,
+    Scene,
+    SpatialAngleDriver,
+    SpatialRevolute,
+    Spherical,
+    Status,
+    Universal,
+)
 from refkin.proof.path.curve import Crossing, common_roots
 from refkin.proof.path.tracing import TraceEnd
 from tests.refkin.test_mobility import parallelogram
@@ -145,3 +157,49 @@ def test_a_motion_at_a_time_that_stands_still_comes_round_to_the_next_crossing()
     assert path.end is TraceEnd.BIFURCATION
     assert np.ptp(path.q, axis=1).max() == pytest.approx(math.pi, abs=1e-6)
     assert len(path.t) < 100
+
+
+def of_space(rod):
+    """A parallelogram of space if its rod is 2 m long; a ball and a universal joint hold the rod, which may spin."""
+    ground, frame = {"body_i": "ground", "axis_i": (0, 0, 1)}, {"zero_i": (1, 0, 0), "zero_j": (1, 0, 0)}
+    hinge = {**ground, **frame, "axis_j": (0, 0, 1), "point_j": (0, 0, 0)}
+    joints = (
+        SpatialRevolute(name="O", **hinge, point_i=(0, 0, 0), body_j="crank"),
+        Spherical(name="A", body_i="crank", point_i=(1, 0, 0), body_j="rod", point_j=(0, 0, 0)),
+        Universal(
+            name="B",
+            body_i="rod",
+            point_i=(rod, 0, 0),
+            axis_i=(0, 0, 1),
+            body_j="rocker",
+            point_j=(1, 0, 0),
+            axis_j=(1, 0, 0),
+        ),
+        SpatialRevolute(name="C", **hinge, point_i=(2, 0, 0), body_j="rocker"),
+    )
+    turn = (math.cos(1.3), 0.0, 0.0, math.sin(1.3))
+    at = {"crank": (0, 0, 0, *turn), "rod": (math.cos(2.6), math.sin(2.6), 0, 1, 0, 0, 0), "rocker": (2, 0, 0, *turn)}
+    bodies = tuple(Body(name=name, estimate=q) for name, q in at.items())
+    motor = SpatialAngleDriver(name="motor", joint="O", law=Polynomial(coefficients=(2.6, 1.0)))
+    return Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=(0.0, 1.2))
+
+
+def test_a_path_stops_where_two_rows_depend_at_once_and_tangents_are_not_decided():
+    """Flat, the rod may spin, too: no sign changes, and the path went on as if nothing were there."""
+    path = refkin.follow(of_space(2.0))
+
+    assert (path.end, path.events) == (TraceEnd.STOPPED, ())
+    assert path.t[-1] == pytest.approx(math.pi - 2.6, abs=1e-12)
+    assert "how paths go on beside a singular pose is not decided" in path.message
+
+
+def test_a_path_does_not_step_onto_a_curve_that_passes_by_where_two_signs_change_at_once():
+    """A rod that is longer by 1e-6 folds the other way; one that is shorter is in line with the rocker before that."""
+    path = refkin.follow(of_space(2.0 + 1e-6))
+    rocker = 2.0 * np.arctan2(path.q[20], path.q[17])
+    (change,) = refkin.follow(of_space(2.0 - 1e-6)).bifurcations
+
+    assert (path.end, path.events) == (TraceEnd.RANGE, ())
+    assert rocker[-1] == pytest.approx(2.9148, abs=1e-4)
+    assert change.t == pytest.approx(math.acos((5.0 - (3.0 - 1e-6) ** 2) / 4.0) - 2.6, abs=1e-9)
+    assert len(change.tangents) == 2

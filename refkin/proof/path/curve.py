@@ -151,7 +151,9 @@ ROUNDED = InputError(2.0**-50)
 BITS = 113
 """Precision in which mu is computed: at an angle of many turns float64 would only give the rounding of the angle."""
 SATISFIED = 1e-6
-"""Value of a form of size 1 that counts as zero: a singular pose is known to the root of round-off."""
+"""Value of a form of size 1 that counts as zero: a singular pose is known to the root of round-off.
+
+A double root of forms is known to the root of that."""
 STARTS = 48
 """Directions from which tangents are sought where several equations must hold."""
 BESIDE = 1e-3
@@ -204,7 +206,7 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
     n = len(rows)
     left, sizes, _ = np.linalg.svd(curve.slope(guess)[rows])
     count = int(np.sum(sizes <= BESIDE))
-    if count > 1 and (of_many := _of_many(curve, guess, rows, count)) and of_many.is_decided:
+    if count > 1 and (of_many := _of_many(curve, guess, rows, count)) and of_many.is_bifurcation:
         return of_many
     psi = left[:, -1]
     start = np.concatenate([guess, psi, [-(psi @ curve.phi(guess)[rows])]])
@@ -300,7 +302,7 @@ def common_roots(forms: list[Any]) -> tuple[Any, ...]:
             a = a - np.linalg.lstsq(slope, residual, rcond=None)[0]
         else:
             if np.max(np.abs(residual)) < SATISFIED and all(
-                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in directions
+                min(abs(a - b).max(), abs(a + b).max()) > np.sqrt(SATISFIED) for b in directions
             ):
                 directions.append(a)
     return tuple(directions)

@@ -106,6 +106,8 @@ class Tracer:
             outcome = self._step(x, tangent, h)
             if isinstance(outcome, Crossing):
                 self.trace.points.append(outcome.x)
+                if not outcome.is_decided:
+                    return self._ended(TraceEnd.STOPPED)
                 chosen = _nearest(outcome, tangent)
                 if len(outcome.tangents) > 1:
                     chosen = choose(len(self.trace.points) - 1, outcome, tangent)
@@ -152,13 +154,13 @@ class Tracer:
                 if self.at_crossing or self.curve.side(new, after, rows) == self.curve.side(x, tangent, rows):
                     if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
                         end = self._crossing(x, new, off=BEND) if self._may_cross(x, new) else None
-                        if end is None:
+                        if end is None and (self.at_crossing or not self._turns_over(x, tangent, new, after, rows)):
                             return new, after, h
                     else:
                         end = self._crossing(x, new, least=2)
                 else:
                     end = self._crossing(x, new)
-                if end is not None:
+                if end is not None and (end.is_decided or h < CLOSE):
                     return end
             h /= 2
         return None
@@ -169,6 +171,14 @@ class Tracer:
         They leave all signs as they were. A step of 1 changes the matrix by about 1, and so its clearance.
         """
         return min(map(self.curve.clearance, (x, new))) < float(np.linalg.norm(new - x)) / 2
+
+    def _turns_over(self, x: Any, tangent: Any, new: Any, after: Any, rows: Any) -> bool:
+        """Whether directions turn over between the matrices at the ends of a step: two at once leave the sign.
+
+        The shorter a step is along a curve, the nearer is what leads from one matrix to the other to the identity.
+        """
+        here, there = (np.vstack([self.curve.slope(y)[rows], v]) for y, v in ((x, tangent), (new, after)))
+        return bool(np.linalg.eigvals(np.linalg.lstsq(here, there)[0]).real.min() < 0.0)
 
     def _turns_unseen(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> bool:
         """Whether t turns within a step oftener than the signs of its rate at the ends say: once, or not at all.
@@ -219,13 +229,15 @@ class Tracer:
     def _crossing(self, x: Any, new: Any, least: int = 1, off: float = 1.0) -> Crossing | None:
         """Return the bifurcation between two points, if the curves do cross there and not only pass by each other.
 
-        `least` is how many rows must depend there at once, `off` how far from the chord it may lie, as a part of it. It
-        is not the one that the step begins at.
+        That of several rows may be undecided. `least` is how many rows must depend there at once, `off` how far from
+        the chord it may lie, as a part of it. It is not the one that the step begins at.
         """
         chord = new - x
         for part in (0.5, 0.1, 0.9):
             branch_point = crossing(self.curve, x + part * chord)
-            if branch_point is not None and len(branch_point.forms) >= least and branch_point.is_decided:
+            if branch_point is None or len(branch_point.forms) < least:
+                continue
+            if branch_point.is_decided or (len(branch_point.forms) > 1 and branch_point.is_bifurcation):
                 way, length = branch_point.x - x, float(np.linalg.norm(chord))
                 at = way @ chord / length**2
                 again = self.at_crossing and np.max(np.abs(way)) < math.sqrt(SAME) * length
