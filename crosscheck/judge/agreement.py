@@ -10,9 +10,10 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import believed, misshapen
+from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.points import points_off
 from crosscheck.judge.records import QUANTITIES
+from crosscheck.judge.uncompared import believed
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError, expect
 from refkin.model import Scene

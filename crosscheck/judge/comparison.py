@@ -12,6 +12,7 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, propagation, times_with
+from crosscheck.judge.poses import with_contacts, with_turns
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
 from crosscheck.scenes.names import decade
@@ -303,32 +304,38 @@ def _other_assembly(
         return False
     position = compared["position"]
     wrong = samples & (position.ratio == np.nanmax(position.ratio)) & np.isfinite(position.error)
-    q, t, ours = whole_poses(ref, motion, wrong, at), motion.t[wrong], ref.levels[0][:, at][:, wrong]
-    if q is None:
-        return False
+    t, ours = motion.t[wrong], ref.levels[0][:, at][:, wrong]
+    q = whole_poses(ref.system, motion, wrong, ours)
     stacked = np.moveaxis(ref.system.held_at(ours).phi_q(ours, t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.held_at(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
     return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * position.error[wrong]))
 
 
-def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(None)) -> Any:
-    """Return an answer's poses (n, K) at some of its times in the reference's scaled coordinates, turns being its own.
-
-    None if the answer has not all bodies, or the reference coordinates that no answer has.
+def whole_poses(system: System, motion: Motion, samples: Any, ours: Any) -> Any:
+    """Return an answer's poses (n, K) at some of its times, scaled; NaN in what is of bodies that it has not.
 
     Parameters
     ----------
-    ref, motion : Reference, Motion
-    samples : (K,) array of int
+    system : System
+        The reference's.
+    motion : Motion
+    samples : (T,) array of bool
         Which of the motion's times.
-    at : index
-        At which of the reference's times the motion is.
+    ours : (n, K) array
+        The reference's poses there; NaN where it has none.
     """
-    system, names = ref.system, [b.name for b in ref.scene.mechanism.bodies]
-    if not set(names) <= set(motion.bodies) or system.n != system.of_bodies:
-        return None
-    width, ours = system.kind.width, ref.levels[0][:, at][:, samples]
-    rows = np.concatenate([width * motion.bodies.index(name) + np.arange(width) for name in names])
-    q = system.to_unit(motion.q[rows][:, samples])
-    return np.where(np.isfinite(ours), ours + difference(system, q, ours, 0), q)
+    q, t, width = np.zeros((system.n, int(samples.sum()))), motion.t[samples], system.kind.width
+    bodies = q[: system.of_bodies]
+    bodies[:] = np.nan
+    for k, body in enumerate(motion.bodies):
+        q[system.columns(body)] = motion.q[width * k : width * (k + 1), samples]
+    if width == 7 and len(bodies) < len(q):
+        screws = screw_coordinates(system.mechanism, [bodies, 0.0 * bodies, 0.0 * bodies])
+        q[len(bodies) :] = [half for half, *_ in screws]
+    q = system.to_unit(q)
+    known, own = np.isfinite(ours).all(axis=0), ours[: system.of_bodies]
+    bodies = q[: system.of_bodies]
+    bodies[:, known] = (own + difference(system, bodies, own, 0))[:, known]
+    q[:, ~known] = with_turns(system, q[:, ~known], t[~known])
+    return with_contacts(system, q, t, ours)

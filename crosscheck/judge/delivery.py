@@ -24,19 +24,15 @@ import numpy as np
 
 from crosscheck.engines import Level, Term
 from crosscheck.errors import kept
-from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
-from crosscheck.judge.comparison import Reference, begun_at, whole_poses
-from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, Record
+from crosscheck.judge.budget import times_with
+from crosscheck.judge.comparison import Reference, begun_at
+from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, Record, wrong
 from crosscheck.judge.running_error import U
-from crosscheck.judge.spatial import reversed_joints
 from crosscheck.scenes.names import called_for
 from refkin.joints import Driver, PointDistance, SpatialPointDistance, elements_of
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Producer, Route, Status
-from refkin.proof.numbers.bounded import Times
 from refkin.solving.solve import solve
-from refkin.solving.starts import in_form
-from refkin.system import compile_system
 
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual (`_so_small`), or of what stands in its equation;
@@ -183,88 +179,6 @@ class Unanswered:
                 who: Any = {"engine": engine, "method": "any", "quantity": "status"}
                 fault = Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message)
                 yield NewCase(disagreement=fault, key=record.key, shard=int(record.about.get("shard") or 0))
-
-
-def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
-    """Yield where an engine says ok and there is nothing: no assembly, no rates in a singular pose or a locked one.
-
-    Only to be asked where the reference's verdict is the one that the scene was made for.
-    """
-    ok = times_with(motion, Status.OK)
-    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE) & ok
-    if nowhere.any():
-        yield _at(motion, nowhere, QUANTITIES[0], Cause.NO_ASSEMBLY)
-    for status, kind in ((Status.SINGULAR, Cause.SINGULAR_RATES), (Status.LOCKED, Cause.LOCKED_RATES)):
-        there = times_with(ref.motion, status) & ok
-        if not there.any():
-            continue
-        for order, quantity in enumerate(QUANTITIES[1:], 1):
-            level, none = motion.levels[order], np.isnan(ref.levels[order]).any(axis=0)
-            rated = there & none & (False if level is None else np.isfinite(level).all(axis=0))
-            if rated.any():
-                yield _at(motion, rated, quantity, kind)
-
-
-def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[dict[str, Any]]:
-    """Yield where an engine's pose, called ok, does not close the mechanism, in and next to a singular pose.
-
-    An error has no first-order bound there, so answers are not compared with the reference's. A residual has one:
-    rounding leaves as little of it as anywhere.
-
-    Parameters
-    ----------
-    ref, motion : Reference, Motion
-    terms : sequence of Term
-        What the engine adds.
-    """
-    there = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
-    asked = there & times_with(motion, Status.OK) & ~ref.budget().compared
-    t = motion.t[asked]
-    q = whole_poses(ref, motion, asked) if t.size else None
-    if q is None:
-        return
-    system = ref.system.held_at(q)  # no spin violates anything
-    form = next((term.form for term in terms if term.form), "")
-    if form:
-        system = compile_system(in_form(system.mechanism, form), unit=system.unit).held_at(q)
-    rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
-    rows = residual_error(system, q, t)
-    off = rows + table_error(system, Times(t, 0), 0)
-    added = sum(term.absolute + term.relative * rows for term in terms if term.level == QUANTITIES[0])
-    wrong_at = asked.copy()
-    wrong_at[asked] = ~np.all(np.abs(system.phi(q, t)) <= off + rounded + added, axis=0)
-    if wrong_at.any():
-        yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
-
-
-def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, Any]], Any]:
-    """Return joints and drivers of space that an answer called ok has the wrong way round, and at which times (T,).
-
-    Dot products of axes, and sin(theta - f), are zero there too: closed equations, and no assembly.
-    """
-    ok, rows, wrong_at = times_with(motion, Status.OK), list[dict[str, Any]](), np.zeros(len(motion.t), bool)
-    spatial = scene.mechanism.kind.name == "spatial"
-    for name, samples in reversed_joints(scene.mechanism, motion).items() if spatial else ():
-        here = ok & samples
-        wrong_at |= here
-        if here.any():
-            row = _at(motion, here, QUANTITIES[0], Cause.REVERSED)
-            rows.append({**row, "message": f"{name!r}: {row['message']}"})
-    return rows, wrong_at
-
-
-def _at(motion: Motion, samples: Any, quantity: str, kind: Cause) -> dict[str, Any]:
-    return wrong(quantity, kind, f"{int(samples.sum())} times, first t = {motion.t[samples][0]:.17g}")
-
-
-def wrong(quantity: str, kind: Cause, message: str = "") -> dict[str, Any]:
-    """Return what is wrong with a quantity, or the "status", as a `Disagreement` takes it.
-
-    Parameters
-    ----------
-    quantity, kind, message : str, Cause, str
-    """
-    return {"quantity": quantity, "kind": kind, "message": message}
 
 
 def _most(engine: str, scene: Scene, term: Term) -> float:

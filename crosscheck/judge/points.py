@@ -22,8 +22,7 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, Reference
-from crosscheck.judge.delivery import wrong
-from crosscheck.judge.records import QUANTITIES, Cause
+from crosscheck.judge.records import QUANTITIES, Cause, wrong
 from crosscheck.judge.running_error import U
 from refkin.motion import Motion, Status
 

@@ -252,6 +252,16 @@ class Disagreement(Strict):
         return self.engine, self.method, self.quantity, self.name
 
 
+def wrong(quantity: str, kind: Cause, message: str = "") -> dict[str, Any]:
+    """Return what is wrong with a quantity, or the "status", as a `Disagreement` takes it.
+
+    Parameters
+    ----------
+    quantity, kind, message : str, Cause, str
+    """
+    return {"quantity": quantity, "kind": kind, "message": message}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Record(Strict):
     """What was measured of one scene; `reference` is None only with a `failure`.

@@ -21,17 +21,7 @@ from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.errors import kept
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import (
-    ABSOLUTE,
-    believed,
-    excuse,
-    granted,
-    misshapen,
-    put_together_wrongly,
-    unclosed,
-    undelivered,
-    wrong,
-)
+from crosscheck.judge.delivery import ABSOLUTE, excuse, granted, misshapen, undelivered
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
 from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
 from crosscheck.judge.points import points_off
@@ -45,6 +35,7 @@ from crosscheck.judge.records import (
     MethodData,
     Record,
     RefusalRow,
+    wrong,
 )
 from crosscheck.judge.samples import (
     histogram,
@@ -55,6 +46,7 @@ from crosscheck.judge.samples import (
     sharpness_at_common,
     short,
 )
+from crosscheck.judge.uncompared import believed, numberless, put_together_wrongly, unclosed
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.workers.processes import Failure, raised
 from refkin.joints import elements_of
@@ -341,7 +333,8 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
         )
     )
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
-    faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *unclosed(ref, motion, terms)]
+    faults += [*undelivered(method.delivers, scene, motion), *wrong_way]
+    faults += [*numberless(ref, motion, terms), *unclosed(ref, motion, terms)]
     if scene.points and not motion.points:
         reason = f"{engine} ({method.called}) gives no motion of points: they are not compared"
         part.refusals.append(RefusalRow(engine=engine, reason=reason))

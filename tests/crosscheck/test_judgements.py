@@ -23,7 +23,7 @@ import pytest
 
 from crosscheck.engines import ELEMENTS, NATIVE, QUANTITIES, Level, Term
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
-from crosscheck.judge import delivery, hard_poses
+from crosscheck.judge import delivery, hard_poses, uncompared
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, compare, reference
 from crosscheck.judge.hard_poses import samples, scene_truths
@@ -222,11 +222,11 @@ def compared(ref: Reference, motion: Motion, terms: Any, at: Any = slice(None)) 
 
 def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
     """Return what is said of answers that are not what was asked for, and which joints they violate."""
-    wrong_way, at = delivery.put_together_wrongly(scene, off)
+    wrong_way, at = uncompared.put_together_wrongly(scene, off)
     faults = [
         *delivery.undelivered(QUANTITIES, scene, few),
-        *delivery.believed(ref, off),
-        *delivery.unclosed(ref, off, TERMS[1]),
+        *uncompared.believed(ref, off),
+        *uncompared.unclosed(ref, off, TERMS[1]),
         *wrong_way,
     ]
     terms = (*TERMS[1], *TERMS[2], Term(name="stopping rule", level="position", reason="", absolute=1e-8), *IN_FORM)

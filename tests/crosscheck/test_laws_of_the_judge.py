@@ -44,7 +44,6 @@ from crosscheck.judge.budget import (
 )
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
-from crosscheck.judge.delivery import unclosed
 from crosscheck.judge.hard_poses import (
     TOO_WIDE,
     _judged,
@@ -60,6 +59,7 @@ from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.judge.truth import CertifiedTruth
+from crosscheck.judge.uncompared import unclosed
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
 from refkin.motion import Status

@@ -16,7 +16,7 @@ from crosscheck.engines.exudyn import space as exudyn_space
 from crosscheck.engines.mujoco import space as mujoco_space
 from crosscheck.engines.pinocchio import space as pinocchio_space
 from crosscheck.engines.spatial import motion, reading, system, tree, turning
-from crosscheck.judge.delivery import put_together_wrongly
+from crosscheck.judge.uncompared import put_together_wrongly
 from crosscheck.measure.check import check
 from refkin.solving import starts
 

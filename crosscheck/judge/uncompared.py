@@ -1,0 +1,126 @@
+"""What an answer owes where it says ok and no budget holds: numbers, closed joints, no rates where there are none.
+
+In and next to a singular pose an error has no first-order bound, and where the reference is lost or locked there is
+nothing to compare with: an engine may go on there, on any branch. A residual has a bound everywhere: rounding leaves as
+little of it as anywhere. So joints are asked, those between the bodies that an answer has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
+from crosscheck.judge.comparison import Reference, whole_poses
+from crosscheck.judge.poses import rows_among
+from crosscheck.judge.records import QUANTITIES, Cause, wrong
+from crosscheck.judge.spatial import reversed_joints
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+from refkin.proof.numbers.bounded import Times
+from refkin.solving.starts import in_form
+from refkin.system import System, compile_system
+
+
+def uncompared(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Any:
+    """Return at which times (T,) an answer calls ok what is held against no budget, but where there is an assembly.
+
+    Parameters
+    ----------
+    ref, motion : Reference, Motion
+    terms : sequence of Term
+        What the engine adds.
+    """
+    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE)  # what is called ok there is wrong (`believed`)
+    return times_with(motion, Status.OK) & ~ref.budget(terms).compared & ~nowhere
+
+
+def numberless(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
+    """Yield where an uncompared answer has no number; rates where there are none need none.
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `uncompared`.
+    """
+    asked = uncompared(ref, motion, terms)
+    without_rates = times_with(ref.motion, Status.SINGULAR) | times_with(ref.motion, Status.LOCKED)
+    for order, (quantity, level) in enumerate(zip(QUANTITIES, motion.levels, strict=True)):
+        here = asked & ~without_rates if order else asked
+        nothing = here & (False if level is None else ~np.isfinite(level).all(axis=0))
+        if nothing.any():
+            yield _at(motion, nothing, quantity, Cause.NO_NUMBER)
+
+
+def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
+    """Yield where an uncompared pose leaves more of a joint than rounding does, and what the engine adds.
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `uncompared`.
+    """
+    asked = uncompared(ref, motion, terms) & np.isfinite(motion.q).all(axis=0)
+    t = motion.t[asked]
+    if not t.size:
+        return
+    whole = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
+    q, rows = np.nan_to_num(whole, nan=1.0), rows_among(ref.system, whole)
+    system = _system(ref, terms).held_at(q)  # no spin violates anything
+    rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
+    formulas = residual_error(system, q, t)
+    off = formulas + table_error(system, Times(t, 0), 0)
+    added = sum(term.absolute + term.relative * formulas for term in terms if term.level == QUANTITIES[0])
+    wrong_at = asked.copy()
+    wrong_at[asked] = ~np.all((np.abs(system.phi(q, t)) <= off + rounded + added)[rows], axis=0)
+    if wrong_at.any():
+        yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
+
+
+def _system(ref: Reference, terms: Sequence[Term]) -> System:
+    """Return the equations in whose form the engine leaves a residual."""
+    form = next((term.form for term in terms if term.form), "")
+    return compile_system(in_form(ref.system.mechanism, form), unit=ref.system.unit) if form else ref.system
+
+
+def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
+    """Yield where an engine says ok and there is nothing: no assembly, no rates in a singular pose or a locked one.
+
+    Only to be asked where the reference's verdict is the one that the scene was made for.
+    """
+    ok = times_with(motion, Status.OK)
+    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE) & ok
+    if nowhere.any():
+        yield _at(motion, nowhere, QUANTITIES[0], Cause.NO_ASSEMBLY)
+    for status, kind in ((Status.SINGULAR, Cause.SINGULAR_RATES), (Status.LOCKED, Cause.LOCKED_RATES)):
+        there = times_with(ref.motion, status) & ok
+        if not there.any():
+            continue
+        for order, quantity in enumerate(QUANTITIES[1:], 1):
+            level, none = motion.levels[order], np.isnan(ref.levels[order]).any(axis=0)
+            rated = there & none & (False if level is None else np.isfinite(level).all(axis=0))
+            if rated.any():
+                yield _at(motion, rated, quantity, kind)
+
+
+def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, Any]], Any]:
+    """Return joints and drivers of space that an answer called ok has the wrong way round, and at which times (T,).
+
+    Dot products of axes, and sin(theta - f), are zero there too: closed equations, and no assembly.
+    """
+    ok, rows, wrong_at = times_with(motion, Status.OK), list[dict[str, Any]](), np.zeros(len(motion.t), bool)
+    spatial = scene.mechanism.kind.name == "spatial"
+    for name, samples in reversed_joints(scene.mechanism, motion).items() if spatial else ():
+        here = ok & samples
+        wrong_at |= here
+        if here.any():
+            row = _at(motion, here, QUANTITIES[0], Cause.REVERSED)
+            rows.append({**row, "message": f"{name!r}: {row['message']}"})
+    return rows, wrong_at
+
+
+def _at(motion: Motion, samples: Any, quantity: str, kind: Cause) -> dict[str, Any]:
+    return wrong(quantity, kind, f"{int(samples.sum())} times, first t = {motion.t[samples][0]:.17g}")
