@@ -176,6 +176,19 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     return Comparison(compared, len(missing), int(samples.sum()), other, first)
 
 
+def uncompared(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Any:
+    """Return at which times (T,) an answer calls ok what is held against no budget, but where there is an assembly.
+
+    Parameters
+    ----------
+    ref, motion : Reference, Motion
+    terms : sequence of Term
+        What the engine adds.
+    """
+    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE)  # what is called ok there is wrong (`believed`)
+    return times_with(motion, Status.OK) & ~ref.budget(terms).compared & ~nowhere
+
+
 def rows_of(system: System, bodies: Sequence[str]) -> list[int]:
     """Return the coordinates of some bodies, in their order."""
     return [k for body in bodies for k in range(system.n)[system.columns(body)]]

@@ -125,16 +125,22 @@ def _root(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
     enclosure = krawczyk(system, q, t)
     if enclosure is None:
         return _singular(system, q, t)
-    return enclosure.q, _allowed(system, enclosure.nearest(), t)
+    return enclosure.q, allowed_at(system, enclosure.nearest(), t)
 
 
 def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
-    return tuple(arb(float(x)) for x in q), _allowed(system, q, t)
+    return tuple(arb(float(x)) for x in q), allowed_at(system, q, t)
 
 
-def _allowed(system: System, q: Any, t: float) -> Any:
-    """Return the least error (n,); a body that spins passively may have it in any of its Euler parameters."""
-    least = least_error(system.held_at(q), q, t)
+def allowed_at(system: System, q: Any, t: float, left: Any = 0.0) -> Any:
+    """Return the least error (n,); a body that spins passively may have it in any of its Euler parameters.
+
+    Parameters
+    ----------
+    system, q, t, left
+        As for `least_error`.
+    """
+    least = least_error(system.held_at(q), q, t, left)
     if system.kind is PLANE:
         return least
     lines = passive_lines(system.mechanism, system.unit)
@@ -254,7 +260,7 @@ def residual_error(system: System, q: Any, t: float) -> Any:
     return BOTH_SIDES * budget.residual_error(system, q[:, None], np.array([t]))[:, 0]
 
 
-def least_error(system: System, q: Any, t: float) -> Any:
+def least_error(system: System, q: Any, t: float, left: Any = 0.0) -> Any:
     """Return the error (n,) that no float64 code can be blamed for, in scaled coordinates; inf where nothing is held.
 
     Parameters
@@ -265,8 +271,10 @@ def least_error(system: System, q: Any, t: float) -> Any:
         The pose, in the system's coordinates.
     t : float
         When [s].
+    left : float or (m,) array
+        What is left of the residual beside rounding.
     """
-    e = residual_error(system, q, t)
+    e = residual_error(system, q, t) + left
     u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)
     bend = np.imag(system.phi_q(q + 1j * STEP * vt[-1], t)) @ vt[-1] / STEP  # phi_qq[v, v] by a complex step
     f = np.abs(u.T) @ e

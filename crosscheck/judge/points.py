@@ -20,11 +20,13 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.budget import times_with
-from crosscheck.judge.comparison import Comparison, Reference
-from crosscheck.judge.records import QUANTITIES, Cause, wrong
+from crosscheck.judge.budget import output_rounding, times_with
+from crosscheck.judge.comparison import Comparison, Reference, uncompared
+from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
 from crosscheck.judge.running_error import U
-from refkin.motion import Motion, Status
+from crosscheck.judge.samples import largest_ratio
+from refkin.motion import Motion, PointMotion, Status, point_motion
+from refkin.system import System
 
 ROUNDINGS = 32.0
 """Of a point, in both answers: a sine or cosine, products and sums, of rates the squares of turns as well."""
@@ -39,6 +41,7 @@ def points_off(
 
     Who gives no points at all is not asked for them. Of a quantity of bodies that is beyond its bounds that is said,
     and points add nothing. A point of a body that spins as it likes is not compared: where it is depends on the spin.
+    Where nothing is compared the points of an answer are held against its own bodies.
 
     Parameters
     ----------
@@ -52,37 +55,65 @@ def points_off(
     """
     if not motion.points:
         return
-    budget = ref.budget(terms)
-    samples = budget.compared & times_with(motion, Status.OK)
-    spinning = {body for spin in ref.passive for body in spin}
+    budget, judged, apart = ref.budget(terms), times_with(motion, Status.OK), uncompared(ref, motion, terms)
+    owed = [quantity for quantity in LEVELS if quantity in able and quantity in compared.quantities]
+    agreeing = [quantity for quantity in owed if compared.quantities[quantity].agrees]
+    spinning, own = {body for spin in ref.passive for body in spin}, _levels(ref.system, motion)
+    scaled = [ref.system.to_unit(level, order) for order, level in enumerate(own)]
+    rounding = output_rounding(ref.system, *np.nan_to_num(scaled))
     for point in ref.scene.points:
         theirs, ours = motion.points.get(point.name), ref.motion.points[point.name]
-        allowed = _allowed(ref, budget.levels, point, ours)
-        for (quantity, letter), most in zip(LEVELS.items(), allowed, strict=True):
-            of_bodies = compared.quantities.get(quantity)
-            if of_bodies is None or quantity not in able:
-                continue
-            own, true = getattr(theirs, letter, None), getattr(ours, letter)
-            if own is None or np.shape(own) != np.shape(true):
-                yield wrong(quantity, Cause.NOT_DELIVERED, f"point {point.name!r}: expected shape {np.shape(true)}")
-            elif of_bodies.agrees and samples.any() and point.body not in spinning:
-                off = np.max(np.abs(own - true)[:, samples], axis=0)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    ratio = np.where(np.isfinite(off), off, np.inf) / most[samples]
-                ratio[off == 0.0] = 0.0  # at rest nothing is allowed, and nothing is off
-                k = int(np.argmax(ratio))
-                if ratio[k] > 1.0:
-                    where = f"by {off[k]:.3g} at t = {motion.t[samples][k]:.17g}, {ratio[k]:.3g} times the allowed"
-                    yield wrong(quantity, Cause.BEYOND, f"point {point.name!r} is off {where}")
+        given: dict[str, Any] = {q: getattr(theirs, LEVELS[q], None) for q in owed}
+        shaped = [q for q in owed if np.shape(given[q]) == ours.r.shape]
+        for quantity in owed:
+            if quantity not in shaped:
+                yield wrong(quantity, Cause.NOT_DELIVERED, f"point {point.name!r}: expected shape {ours.r.shape}")
+        allowed = _allowed(ref.system, budget.levels, ref.levels, point, ours)
+        asked = [] if point.body in spinning else [q for q in agreeing if q in shaped]
+        yield from _further(motion, point.name, ours, allowed, asked, budget.compared & judged)
+        composed = point_motion(point.position, *(level[ref.system.columns(point.body)] for level in own))
+        allowed = _allowed(ref.system, rounding, scaled, point, composed)
+        asked = shaped if point.body in motion.bodies else []
+        yield from _further(motion, point.name, composed, allowed, asked, apart)
 
 
-def _allowed(ref: Reference, levels: Any, point: Any, ours: Any) -> list[Any]:
+def _levels(system: System, motion: Motion) -> Any:
+    """Return an answer's levels [m, rad] in the order of the system's coordinates, (3, n, T); 0 what it has not."""
+    levels, width = np.zeros((3, system.n, len(motion.t))), system.kind.width
+    for own, level in zip(levels, motion.levels, strict=True):
+        for k, body in enumerate(motion.bodies):
+            own[system.columns(body)] = 0.0 if level is None else level[width * k : width * (k + 1)]
+    return levels
+
+
+def _further(
+    motion: Motion, name: str, true: PointMotion, allowed: Sequence[Any], asked: Sequence[str], samples: Any
+) -> Iterator[dict[str, Any]]:
+    """Yield the quantities in which a point is further off than is allowed; where both have no number it is not."""
+    for (quantity, letter), most in zip(LEVELS.items(), allowed, strict=True):
+        if quantity not in asked or not samples.any():
+            continue
+        pair = [getattr(point, letter)[:, samples] for point in (motion.points[name], true)]
+        parts = np.where(np.isnan(pair).all(axis=0), 0.0, np.abs(pair[0] - pair[1]))
+        off = np.max(parts, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(np.isfinite(off), off / most[samples], np.inf)
+        ratio[off == 0.0] = 0.0  # at rest nothing is allowed, and nothing is off
+        k = int(np.argmax(ratio))
+        if ratio[k] > 1.0:
+            at = At(f"{name}.{motion.kind.coordinates[int(np.argmax(parts[:, k]))]}", float(motion.t[samples][k]))
+            where = f"by {off[k]:.3g} at t = {at.time:.17g}, {ratio[k]:.3g} times the allowed"
+            message = f"point {name!r} is off {where}"
+            yield {**wrong(quantity, Cause.BEYOND, message), "ratio": largest_ratio(ratio), "at": at}
+
+
+def _allowed(system: System, errors: Any, levels: Any, point: Any, ours: PointMotion) -> list[Any]:
     """Return how far a point may be off in position, velocity and acceleration, (T,) each [m, s]."""
-    system, size, arm = ref.system, ref.system.unit.size, math.hypot(*point.position)
+    size, arm = system.unit.size, math.hypot(*point.position)
     columns, d = system.columns(point.body), system.kind.dimension
     (dr, dv, da), (dt, dw, dalpha), (_, w, alpha) = (
         [np.linalg.norm(level[columns][part], axis=0) for level in of]
-        for of, part in ((levels, slice(d)), (levels, slice(d, None)), (ref.levels, slice(d, None)))
+        for of, part in ((errors, slice(d)), (errors, slice(d, None)), (levels, slice(d, None)))
     )
     if system.kind.name == "spatial":
         w, alpha, dw, dalpha, dt = 2 * w, 2 * alpha, 2 * (dw + w * dt), 2 * (dalpha + alpha * dt), 2 * dt

@@ -14,28 +14,17 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
-from crosscheck.judge.comparison import Reference, whole_poses
+from crosscheck.judge.comparison import Reference, difference, rows_of, scaled, uncompared, whole_poses
+from crosscheck.judge.hard_poses import TOO_WIDE, allowed_at
 from crosscheck.judge.poses import rows_among
-from crosscheck.judge.records import QUANTITIES, Cause, wrong
+from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
+from crosscheck.judge.samples import short
 from crosscheck.judge.spatial import reversed_joints
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.numbers.bounded import Times
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
-
-
-def uncompared(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Any:
-    """Return at which times (T,) an answer calls ok what is held against no budget, but where there is an assembly.
-
-    Parameters
-    ----------
-    ref, motion : Reference, Motion
-    terms : sequence of Term
-        What the engine adds.
-    """
-    nowhere = times_with(ref.motion, Status.UNASSEMBLABLE)  # what is called ok there is wrong (`believed`)
-    return times_with(motion, Status.OK) & ~ref.budget(terms).compared & ~nowhere
 
 
 def numberless(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
@@ -63,21 +52,65 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iter
     ref, motion, terms
         As for `uncompared`.
     """
-    asked = uncompared(ref, motion, terms) & np.isfinite(motion.q).all(axis=0)
-    t = motion.t[asked]
-    if not t.size:
-        return
-    whole = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
-    q, rows = np.nan_to_num(whole, nan=1.0), rows_among(ref.system, whole)
-    system = _system(ref, terms).held_at(q)  # no spin violates anything
-    rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
-    formulas = residual_error(system, q, t)
-    off = formulas + table_error(system, Times(t, 0), 0)
-    added = sum(term.absolute + term.relative * formulas for term in terms if term.level == QUANTITIES[0])
-    wrong_at = asked.copy()
-    wrong_at[asked] = ~np.all((np.abs(system.phi(q, t)) <= off + rounded + added)[rows], axis=0)
+    wrong_at = _closed(ref, motion, terms)[1]
     if wrong_at.any():
         yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
+
+
+def _closed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> tuple[Any, Any]:
+    """Return at which times (T,) an uncompared pose is closed, and at which it is not."""
+    asked = uncompared(ref, motion, terms) & np.isfinite(motion.q).all(axis=0)
+    t, closed = motion.t[asked], asked.copy()
+    if t.size:
+        whole = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
+        q, rows = np.nan_to_num(whole, nan=1.0), rows_among(ref.system, whole)
+        system = _system(ref, terms).held_at(q)  # no spin violates anything
+        rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
+        formulas = residual_error(system, q, t)
+        off = formulas + table_error(system, Times(t, 0), 0)
+        added = _added(terms, formulas)
+        closed[asked] = np.all((np.abs(system.phi(q, t)) <= off + rounded + added)[rows], axis=0)
+    return closed, asked & ~closed
+
+
+def _added(terms: Sequence[Term], formulas: Any) -> Any:
+    """Return what an engine leaves of the residual by its own doing, where the formulas leave so much."""
+    return sum(term.absolute + term.relative * formulas for term in terms if term.level == QUANTITIES[0])
+
+
+def elsewhere(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
+    """Yield where an uncompared pose is closed, but further from the reference's than its residual can take it.
+
+    At a fold that is far along the one way, the root of the residual, and near along all others (`least_error`): so
+    loops that are regular there are held as everywhere. Either side may be off by as much. A coordinate that is free
+    there is not held, nor is one of a pose that the reference calls locked, or has lost: other branches are as good.
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `uncompared`.
+    """
+    known = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
+    places = np.flatnonzero(_closed(ref, motion, terms)[0] & known)
+    if not places.size:
+        return
+    theirs, ours = scaled(ref, motion.bodies, {0: motion.q})
+    off = np.abs(difference(ref.system, theirs[0], ours[0], 0))[:, places]
+    allowed = np.array([_allowed(ref, terms, k) for k in places.tolist()]).T[rows_of(ref.system, motion.bodies)]
+    ratio = np.where(allowed < TOO_WIDE, off / allowed, 0.0)
+    row, k = np.unravel_index(np.argmax(ratio), ratio.shape)
+    if ratio[row, k] > 1.0:
+        names = [f"{body}.{coordinate}" for body in motion.bodies for coordinate in ref.system.kind.coordinates]
+        wrong_at = np.isin(np.arange(len(motion.t)), places[(ratio > 1.0).any(axis=0)])
+        seen = {"ratio": short(float(ratio[row, k])), "at": At(names[row], float(motion.t[places[k]]))}
+        yield {**_at(motion, wrong_at, QUANTITIES[0], Cause.OTHER_ASSEMBLY), **seen}
+
+
+def _allowed(ref: Reference, terms: Sequence[Term], k: int) -> Any:
+    """Return how far poses of the engine and of the reference, the k-th, may be apart, (n,)."""
+    system, q, t = _system(ref, terms), ref.levels[0][:, k], float(ref.motion.t[k])
+    formulas = residual_error(system, q[:, None], ref.motion.t[[k]])[:, 0]
+    return allowed_at(system, q, t, _added(terms, formulas)) + allowed_at(ref.system, q, t)
 
 
 def _system(ref: Reference, terms: Sequence[Term]) -> System:
@@ -101,7 +134,7 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
             continue
         for order, quantity in enumerate(QUANTITIES[1:], 1):
             level, none = motion.levels[order], np.isnan(ref.levels[order]).any(axis=0)
-            rated = there & none & (False if level is None else np.isfinite(level).all(axis=0))
+            rated = there & none & (False if level is None else np.isfinite(level).any(axis=0))
             if rated.any():
                 yield _at(motion, rated, quantity, kind)
 

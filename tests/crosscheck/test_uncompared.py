@@ -13,6 +13,7 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.uncompared import unclosed
 from crosscheck.measure.check import check
+from refkin.model import Mechanism
 from refkin.motion import Status
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
@@ -102,3 +103,72 @@ def test_of_some_bodies_the_joints_among_them_and_with_the_ground_are_asked(bodi
     moved = replace(motion, q=motion.q + 1e-9, status=(Status.OK,) * len(motion.t))
 
     assert [fault["kind"] for fault in unclosed(ref, moved)] == said
+
+
+def named(part, prefix):
+    """Return a part of a mechanism under another name, and with those of its bodies."""
+    keys = [key for key in ("name", "body", "body_i", "body_j") if getattr(part, key, "ground") != "ground"]
+    return replace(part, **{key: prefix + getattr(part, key) for key in keys})
+
+
+def beside(scene, other):
+    """Return a scene with the linkage of another one beside its own."""
+    parts = [
+        [named(part, prefix) for prefix, of in (("a", scene), ("b", other)) for part in getattr(of.mechanism, kind)]
+        for kind in ("bodies", "joints", "drivers")
+    ]
+    return replace(scene, mechanism=Mechanism(*parts))
+
+
+REGULAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+
+
+@pytest.mark.parametrize("arbiter", [False, True])
+def test_a_regular_loop_is_on_its_own_branch_also_while_another_is_stretched(arbiter):
+    """The answer is 1e13 least errors from the only pose that is near; the certificate says so, too."""
+    stretched = corpus("singular-in-the-end")
+    both, crossed = (
+        beside(stretched, REGULAR.scene(times=stretched.times, branch=branch)) for branch in ("open", "crossed")
+    )
+    there = refkin.solve(crossed).q[:, -1]
+
+    def flipped(motion):
+        q = motion.q.copy()
+        if len(motion.t) == len(both.times):
+            q[:, -1] = there
+        return at(Status.SINGULAR, qd=np.nan, qdd=np.nan)(replace(motion, q=q))
+
+    record = check(both, [Made("made", flipped)], {"expected": "singular"}, arbiter=arbiter)
+    (said,) = [d for d in record.disagreements if d.method != "rows"]
+    assert (said.kind, said.quantity, said.at.time) == (Cause.OTHER_ASSEMBLY, "position", both.times[-1])
+    assert said.at.component[0] == "b"
+    assert said.ratio > 1e12
+    assert not arbiter or record.answers[0].certificate.outside == 1
+
+
+def test_rates_in_a_singular_pose_are_no_less_wrong_for_one_that_is_missing():
+    some = np.array([np.nan, *[5.0] * 8])[:, None]
+    rates = {(quantity, Cause.SINGULAR_RATES) for quantity in ("velocity", "acceleration")}
+    rated = at(Status.SINGULAR, qd=some, qdd=some)
+    assert found(corpus("singular-in-the-end"), rated, Status.SINGULAR) == rates
+
+
+@pytest.mark.parametrize(("name", "status"), [("singular-in-the-end", Status.SINGULAR), ("time-resolution", Status.OK)])
+@pytest.mark.parametrize(("letter", "quantity"), [("r", "position"), ("v", "velocity"), ("a", "acceleration")])
+def test_where_nothing_is_compared_points_are_where_the_bodies_of_the_answer_have_them(name, status, letter, quantity):
+    scene = corpus(name)
+    body = scene.mechanism.bodies[-1].name
+    scene = replace(scene, points=(refkin.Point(name="P", body=body, position=(0.3, -0.4)),))
+    verdict = reference(scene).motion.verdict
+
+    def moved(motion, off):
+        here = np.array([s is status for s in motion.status])
+        point = motion.points["P"]
+        there = replace(point, **{letter: np.where(here & np.array([[False], [True]]), off, getattr(point, letter))})
+        return replace(at(Status.SINGULAR)(motion), points={"P": there})
+
+    record = check(scene, [Made("made", lambda motion: moved(motion, 1e30))], {"expected": str(verdict)})
+    (said,) = [d for d in record.disagreements if d.method != "rows"]
+    assert (said.quantity, said.kind, said.at.component) == (quantity, Cause.BEYOND, "P.y")
+    assert said.ratio > 1e10
+    assert found(scene, at(Status.SINGULAR), verdict) == set()
