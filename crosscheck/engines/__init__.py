@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 
 from crosscheck.engines.frames import RowMap
 from crosscheck.errors import kept, quoted
+from crosscheck.scenes.names import OURS, called_for
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
-from crosscheck.scenes.names import called_for
 from refkin.joints import AxesParallel, Constraint, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, __version__, engine_motion
@@ -495,8 +495,8 @@ def load(spec: str) -> Engine:
         raise EngineError(f"engine {spec!r}: its capability table has {strange[0]!r}, not one of {', '.join(ELEMENTS)}")
     if engine.name != spec and ":" not in spec:
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}")
-    if ":" in spec and engine.name in available():
-        raise EngineError(f"engine {spec!r} calls itself {engine.name!r}, as a registered one does")
+    if ":" in spec and engine.name in {*available(), *OURS}:
+        raise EngineError(f"engine {spec!r} calls itself {engine.name!r}, as a registered one or one of ours does")
     return engine
 
 
@@ -516,6 +516,9 @@ def _formed(spec: str, engine: Any) -> None:
     ):
         if not well:
             raise EngineError(f"engine {spec!r}: {key}: expected {expected}, got {kept(repr(value))}")
+    of_rows = {level for row in table.values() for level, x in row.items() if x.support is not Support.REFUSED}
+    if of_rows - {Level.SOLVE} and not hasattr(engine, "constraints"):
+        raise EngineError(f"engine {spec!r} lacks: constraints, of which its capability table says that it has rows")
     if hasattr(engine, "routes"):
         all_of(engine, "routes", engine.routes(), Route)
 

@@ -86,7 +86,8 @@ class QuantityComparison:
     The largest `error` is in scaled coordinates, the largest `ratio` that to what is allowed, at `worst`; `digits` are
     -log10 of the error plus the proved radius of the reference, if there is one, relative to what `scales` says: so
     many are right for certain. `difference` (n, T) is the answer minus the reference, signed,
-    in the reference's scaled coordinates of bodies and their order; NaN for bodies that the answer has not.
+    in the reference's scaled coordinates of bodies and their order; NaN for bodies that the answer has not. `places`
+    are the coordinates in which the ratio is largest.
     """
 
     error: Any
@@ -94,6 +95,7 @@ class QuantityComparison:
     digits: Any
     worst: At | None
     difference: Any = None
+    places: Any = None
 
     @property
     def agrees(self) -> bool:
@@ -106,14 +108,19 @@ class Comparison:
     """An answer against the reference, by the names of the quantities that both have.
 
     At `missing` times, the first of them `first_missing` [s], the reference is ok and the other answer is not;
-    `compared` were held against a budget. `other_assembly`: it closes the linkage, but on another branch.
+    `compared` were held against a budget. At the times `elsewhere` (T,) it closes the linkage, but on another branch.
     """
 
     quantities: Mapping[str, QuantityComparison]
     missing: int
     compared: int
-    other_assembly: bool
+    elsewhere: Any
     first_missing: float = np.inf
+
+    @property
+    def other_assembly(self) -> bool:
+        """Whether it is on another branch at any time."""
+        return bool(self.elsewhere.any())
 
     @property
     def agrees(self) -> bool:
@@ -172,7 +179,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     compared = _judge(ref, motion, budget, samples, at)
     missing = np.flatnonzero(ok[at] & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
-    other = _other_assembly(ref, motion, compared, samples, at)
+    other = _elsewhere(ref, motion, compared, at)
     return Comparison(compared, len(missing), int(samples.sum()), other, first)
 
 
@@ -272,6 +279,8 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
     error, ratio, digits = np.full((3, len(levels), len(samples)), np.nan)
     signed = np.full((len(levels), system.of_bodies, len(samples)), np.nan)
     worst: list[At | None] = [None] * len(levels)
+    names = np.array([f"{body}.{coordinate}" for body in motion.bodies for coordinate in system.kind.coordinates])
+    places = np.full((len(levels), len(samples)), "", names.dtype)
     if samples.any():
         theirs, ours = scaled(ref, motion.bodies, levels, at)
         differences = np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)])
@@ -291,38 +300,46 @@ def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at
             proved = [np.nan_to_num(getattr(ref.motion.certified_radius, QUANTITIES[k]))[at][where] for k in levels]
             relative = (error[:, where] + proved) / np.array([scales(whole, k, rests) for k in levels])
             digits[:, where] = np.minimum(MOST_DIGITS, -np.log10(relative))
-        places = np.argmax(np.fmax(ratios, 0.0).reshape(len(levels), -1), axis=1).tolist()
-        worst = [_place(system, motion, motion.t[where], place) for place in places]
-    compared = zip(levels, error, ratio, digits, worst, signed, strict=True)
+        places[:, where] = names[np.argmax(np.fmax(ratios, 0.0), axis=1)]
+        worst = [worst_at(*pair, samples, motion.t) for pair in zip(ratio, places, strict=True)]
+    compared = zip(levels, error, ratio, digits, worst, signed, places, strict=True)
     return {QUANTITIES[k]: QuantityComparison(*parts) for k, *parts in compared}
 
 
-def _place(system: System, motion: Motion, times: Any, place: int) -> At:
-    """Return the coordinate and the time of a place in a flattened (n, T)."""
-    row, sample = divmod(place, len(times))
-    body, coordinate = divmod(row, system.kind.width)
-    return At(f"{motion.bodies[body]}.{system.kind.coordinates[coordinate]}", float(times[sample]))
+def worst_at(ratio: Any, places: Any, samples: Any, t: Any) -> At:
+    """Return where a ratio is largest among some times.
+
+    Parameters
+    ----------
+    ratio, places : (T,) array
+        The largest of each time, and in which coordinate that is.
+    samples : (T,) array of bool
+    t : (T,) array
+        All times [s].
+    """
+    k = int(np.argmax(np.where(samples, np.fmax(ratio, 0.0), -1.0)))
+    return At(str(places[k]), float(t[k]))
 
 
-def _other_assembly(
-    ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], samples: Any, at: Any
-) -> bool:
-    """Whether the worst position is another solution of the constraints: the same linkage, put together another way.
+def _elsewhere(ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], at: Any) -> Any:
+    """Return at which times (T,) a wrong position is another solution of the constraints: put together another way.
 
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
-    are equal, and no second order is ten times as large but where it leads to the next solution. A better one that is
-    says nothing of the worst, which it would hide behind a gap that is known.
+    are equal, and no second order is ten times as large but where it leads to the next solution. Each time is asked by
+    itself: one at which it is says nothing of the others, which it would hide behind a gap that is known.
     """
+    elsewhere = np.zeros(len(motion.t), bool)
     if "position" not in compared or compared["position"].agrees:
-        return False
+        return elsewhere
     position = compared["position"]
-    wrong = samples & (position.ratio == np.nanmax(position.ratio)) & np.isfinite(position.error)
+    wrong = (position.ratio > 1.0) & np.isfinite(position.error)
     t, ours = motion.t[wrong], ref.levels[0][:, at][:, wrong]
     q = whole_poses(ref.system, motion, wrong, ours)
     stacked = np.moveaxis(ref.system.held_at(ours).phi_q(ours, t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.held_at(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
-    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * position.error[wrong]))
+    elsewhere[wrong] = np.max(carried, axis=(1, 2)) < 0.1 * position.error[wrong]
+    return elsewhere
 
 
 def whole_poses(system: System, motion: Motion, samples: Any, ours: Any) -> Any:

@@ -100,10 +100,16 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     if not isinstance(motion, Motion):
         yield f"expected a refkin.motion.Motion, got {type(motion).__name__}"
         return
-    unlisted = [key for key in ("bodies", "status") if not isinstance(getattr(motion, key), tuple | list)]
-    if unlisted:
-        key = unlisted[0]
-        yield f"{key}: expected a tuple, got {type(getattr(motion, key)).__name__}"
+    kinds: dict[str, tuple[Any, str]] = {
+        **dict.fromkeys(("bodies", "status"), (tuple | list, "a tuple")),
+        "points": (Mapping, "a table of PointMotion"),
+    }
+    for key, (kind, expected) in kinds.items():
+        if not isinstance(getattr(motion, key), kind):
+            yield f"{key}: expected {expected}, got {type(getattr(motion, key)).__name__}"
+            return
+    if not motion.bodies:
+        yield "it answers for no body"
         return
     count, width = len(scene.times), scene.mechanism.kind.width
     shape = (width * len(motion.bodies), count)

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,7 +21,7 @@ from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Suppor
 from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.errors import kept
-from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
+from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference, worst_at
 from crosscheck.judge.delivery import ABSOLUTE, excuse, granted, misshapen, undelivered
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
 from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
@@ -287,19 +288,20 @@ class _Told:
 
 
 def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
-    """Return what a method answers.
+    """Return what a method answers, as it is then: an engine may write over what it has handed out.
 
     It is asked again for the first quarter of the times: what depends on the order of bodies does so at any time, and
     times that are as near as ever take no more steps than before.
     """
     try:
         start = time.perf_counter()
-        told = _Told(method.solve(subject.copy), time.perf_counter() - start, again=again)
+        motion, seconds = method.solve(subject.copy), time.perf_counter() - start
+        told = _Told(deepcopy(motion), seconds, again=again)
         told.terms = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         return _Told(error)
     with suppress(EngineError):
-        told.turned_round = method.solve(copied(subject.turned_round)) if again else None
+        told.turned_round = deepcopy(method.solve(copied(subject.turned_round))) if again else None
     return told
 
 
@@ -352,24 +354,30 @@ def _disagreements(
     At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
     """
     for quantity, q in compared.quantities.items():
-        violated = NOT_KNOWN
-        if not q.agrees:
-            if not np.any((q.ratio > 1.0) & ~wrong_at):
-                continue
-            kind = Cause.OTHER_ASSEMBLY if compared.other_assembly else Cause.BEYOND
-            if q.worst is not None and q.worst.time is not None and kind is Cause.BEYOND:
-                violated = violations(subject.ref, motion, QUANTITIES.index(quantity), q.worst.time)
-        elif turned_round is not None and not turned_round.quantities[quantity].agrees:
-            q, kind = turned_round.quantities[quantity], Cause.ORDER
-        else:
-            continue
-        kind = Cause.NO_NUMBER if np.isinf(q.error).any() else kind
-        seen = {"ratio": largest_ratio(q.ratio), "at": q.worst, "violated": list(violated.names)}
-        yield {**wrong(quantity, kind, violated.text), **seen}
+        for kind, here in ((Cause.OTHER_ASSEMBLY, compared.elsewhere), (Cause.BEYOND, ~compared.elsewhere)):
+            beyond = here & (q.ratio > 1.0) & ~wrong_at
+            if beyond.any():
+                yield _beyond(subject.ref, motion, quantity, q, kind, beyond)
+        if turned_round is not None and q.agrees and not turned_round.quantities[quantity].agrees:
+            q = turned_round.quantities[quantity]
+            kind = Cause.NO_NUMBER if np.isinf(q.error).any() else Cause.ORDER
+            yield {**wrong(quantity, kind), "ratio": largest_ratio(q.ratio), "at": q.worst}
     for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if answered is not None and answered.missing and not subject.excused(answered.first_missing):
             yield wrong("status", kind, f"{answered.missing} times without answer")
             return
+
+
+def _beyond(
+    ref: Reference, motion: Motion, quantity: str, q: QuantityComparison, kind: Cause, samples: Any
+) -> dict[str, Any]:
+    """Return that a quantity is beyond what is allowed at some of its times (T,), and what it violates at the worst."""
+    at, violated = worst_at(q.ratio, q.places, samples, motion.t), NOT_KNOWN
+    if kind is Cause.BEYOND and at.time is not None:
+        violated = violations(ref, motion, QUANTITIES.index(quantity), at.time)
+    kind = Cause.NO_NUMBER if np.isinf(q.error[samples]).any() else kind
+    seen = {"ratio": largest_ratio(q.ratio[samples]), "at": at, "violated": list(violated.names)}
+    return {**wrong(quantity, kind, violated.text), **seen}
 
 
 def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
@@ -377,7 +385,7 @@ def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term
     ref, fewer = subject.ref, subject.turned_round
     if motion is None or any(misshapen(fewer, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
-        return Comparison(nothing, len(fewer.times), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
+        return Comparison(nothing, len(fewer.times), 0, np.zeros(0, bool), float(ref.motion.t[-1]))
     return compare(ref, motion, terms, slice(len(fewer.times)))
 
 

@@ -84,6 +84,8 @@ def test_an_engine_that_is_right_owes_nothing():
         (lambda motion: replace(motion, q=None), "q: expected an array of floats, got NoneType"),
         (lambda motion: replace(motion, status=None), "status: expected a tuple, got NoneType"),
         (lambda motion: replace(motion, bodies=None), "bodies: expected a tuple, got NoneType"),
+        (lambda motion: replace(motion, bodies=(), q=motion.q[:0]), "it answers for no body"),
+        (lambda motion: replace(motion, points=[1]), "points: expected a table of PointMotion, got list"),
         (lambda motion: replace(motion, bodies=([], *motion.bodies[1:])), "it answers for [], which the scene has not"),
         (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
         (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
@@ -102,6 +104,23 @@ def test_an_answer_of_another_form_is_named_by_what_it_is(spoil, why):
     (fault,) = check(SCENE, [Wrapped(spoil)]).disagreements
 
     assert (fault.kind, fault.message) == ("not delivered", why)
+
+
+def test_an_answer_is_what_it_was_when_it_was_given():
+    """Whoever answers with views of one array writes over it, while it is asked what it adds, or asked again."""
+
+    class Late(Wrapped):
+        def solve(self, scene, route=None):
+            motion = super().solve(scene, route)
+            self.right, self.given = motion.q.copy(), motion.q
+            motion.q[3] += 1e-3
+            return motion
+
+        def terms(self, scene, route=None):
+            self.given[:] = self.right
+            return super().terms(scene, route)
+
+    assert ("position", "beyond the allowed error") in found(Late())
 
 
 @pytest.mark.parametrize("terms", [None, [3], 1.5])
@@ -134,6 +153,7 @@ def test_numbers_too_large_for_any_equation_blame_no_joint_and_warn_nobody():
         ("capabilities", lambda self: {"angle": {"solve": "yes"}}, "got {'angle': {'solve': 'yes'}}"),
         ("routes", lambda self: None, "routes(): expected a list of refkin.motion.Route, got None"),
         ("routes", lambda self: [3], "routes(): expected a list of refkin.motion.Route, got [3]"),
+        ("name", "refkin", "calls itself 'refkin', as a registered one or one of ours does"),
         ("delivers", ("speed",), "delivers: expected some of position, velocity, acceleration, got ('speed',)"),
     ],
 )
@@ -143,6 +163,16 @@ def test_what_an_engine_says_of_itself_in_another_form_is_named(monkeypatch, att
         load(f"{__name__}:Wrapped")
 
     assert said in str(raised.value)
+
+
+def test_an_engine_that_claims_rows_has_constraints(tmp_path, monkeypatch):
+    fake = type(load(engine_file(tmp_path, before="pass")))
+    monkeypatch.setitem(sys.modules, "own_module", types.SimpleNamespace(Fake=fake))
+    load("own_module:Fake")
+    fake.capabilities = lambda self: {"angle": {Level.SOLVE: NATIVE, Level.DRIFT: NATIVE}}
+
+    with pytest.raises(EngineError, match="lacks: constraints, of which its capability table says that it has rows"):
+        load("own_module:Fake")
 
 
 def test_a_record_holds_whatever_an_engine_says():
@@ -490,7 +520,19 @@ def test_one_pose_of_another_assembly_does_not_name_what_is_plainly_wrong_elsewh
     plainly = False
     assert found(Wrapped(spoil)) == {("position", "other assembly")}
     plainly = True
-    assert found(Wrapped(spoil)) == {("position", "beyond the allowed error")}
+    assert found(Wrapped(spoil)) == {("position", "other assembly"), ("position", "beyond the allowed error")}
+
+
+def test_rates_that_are_wrong_elsewhere_are_not_those_of_another_assembly():
+    """A known gap of the one would hide the other."""
+
+    def spoil(motion):
+        q, qd = motion.q.copy(), motion.qd.copy()
+        q[:, 3] = ClosedForm().solve(replace(CROSSED, times=SCENE.times)).q[:, 3]
+        qd[:, 5] *= 1.5
+        return replace(motion, q=q, qd=qd)
+
+    assert found(Wrapped(spoil)) == {("position", "other assembly"), ("velocity", "beyond the allowed error")}
 
 
 def test_a_term_of_rates_is_granted_as_far_as_the_shortest_link_may_turn():
