@@ -10,12 +10,12 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import misshapen
+from crosscheck.judge.delivery import misshapen, undelivered
 from crosscheck.judge.points import points_off
 from crosscheck.judge.records import QUANTITIES
-from crosscheck.judge.uncompared import believed
+from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import violations
-from refkin.errors import RefkinError, expect
+from refkin.errors import InvalidRequest, RefkinError, expect
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Status, engine_motion
 from refkin.output.tables import UNITS
@@ -54,6 +54,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     """
     expect("motion", motion, Motion, Mapping)
     expect("scene", scene, Scene)
+    if not 0.0 <= residual < np.inf:
+        raise InvalidRequest("residual", "a number that is not negative", repr(residual))
     ref = reference(scene)
     answer = motion if isinstance(motion, Motion) else _completed(ref, motion)
     for why in misshapen(scene, answer):
@@ -61,6 +63,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     terms = [Term(name="own stopping rule", level="position", reason="said by the caller", absolute=residual)]
     compared = compare(ref, answer, terms if residual else ())
     faults = list(_faults(ref, answer, compared, terms if residual else ()))
+    if answer is motion:  # what was left out of a part is the reference's own
+        faults += map(_said, _owed(ref, scene, answer, terms if residual else ()))
     if faults:
         raise AssertionError(f"{scene.name}: " + "\n".join(faults))
     proved = {Status.UNASSEMBLABLE, Status.LOCKED} >= set(ref.motion.status)
@@ -105,8 +109,18 @@ def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) ->
     if compared.missing:
         of = f"{compared.missing} of {len(motion.status)} times"
         yield f"no answer at {of}, the first t = {compared.first_missing:.17g} s, where there is one, by proof"
-    for fault in (*believed(ref, motion), *points_off(ref, motion, QUANTITIES, terms, compared)):
-        yield f"{fault['quantity']}: {fault['kind']}: {fault['message']}"
+    yield from map(_said, (*believed(ref, motion), *points_off(ref, motion, QUANTITIES, terms, compared)))
+
+
+def _owed(ref: Reference, scene: Scene, motion: Motion, terms: Any) -> Iterator[dict[str, Any]]:
+    """Yield what a whole answer lacks, and what of it is wrong by itself, as disagreements."""
+    yield from undelivered(QUANTITIES, scene, motion)
+    yield from put_together_wrongly(scene, motion)[0]
+    yield from uncompared_faults(ref, motion, terms)
+
+
+def _said(fault: Mapping[str, Any]) -> str:
+    return f"{fault['quantity']}: {fault['kind']}: {fault['message']}"
 
 
 def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComparison, terms: Any) -> str:

@@ -27,6 +27,18 @@ from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
 
 
+def uncompared_faults(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
+    """Yield all that is wrong with uncompared answers by themselves, but rates that there are not (`believed`).
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `uncompared`.
+    """
+    for asked in (numberless, unclosed, elsewhere):
+        yield from asked(ref, motion, terms)
+
+
 def numberless(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
     """Yield where an uncompared answer has no number; rates where there are none need none.
 

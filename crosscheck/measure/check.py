@@ -47,7 +47,7 @@ from crosscheck.judge.samples import (
     sharpness_at_common,
     short,
 )
-from crosscheck.judge.uncompared import believed, elsewhere, numberless, put_together_wrongly, unclosed
+from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.workers.processes import Failure, raised
 from refkin.joints import elements_of
@@ -335,8 +335,7 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
         )
     )
     wrong_way, wrong_at = put_together_wrongly(scene, motion)
-    faults += [*undelivered(method.delivers, scene, motion), *wrong_way]
-    faults += [*numberless(ref, motion, terms), *unclosed(ref, motion, terms), *elsewhere(ref, motion, terms)]
+    faults += [*undelivered(method.delivers, scene, motion), *wrong_way, *uncompared_faults(ref, motion, terms)]
     if scene.points and not motion.points:
         reason = f"{engine} ({method.called}) gives no motion of points: they are not compared"
         part.refusals.append(RefusalRow(engine=engine, reason=reason))

@@ -120,6 +120,41 @@ def test_the_other_assembly_at_one_time_is_said_whatever_is_off_at_another():
     assert not compare(ref, replace(right, q=q)).other_assembly
 
 
+CORPUS = ROOT / "tests" / "corpus"
+SINGULAR, LOST = (refkin.load(CORPUS / f"{name}.toml") for name in ("singular-in-the-end", "crank-over-a-gap"))
+
+
+def called_ok(scene: Any, **levels: float) -> Any:
+    """Return the reference's answer, all of it ok, with these numbers where it is not."""
+    motion = refkin.solve(scene)
+    ok = np.array([str(status) == "ok" for status in motion.status])
+    return replace(
+        motion,
+        status=(refkin.Status.OK,) * len(ok),
+        **{name: np.where(ok, getattr(motion, name), x) for name, x in levels.items()},
+    )
+
+
+@pytest.mark.parametrize(
+    ("scene", "motion", "said"),
+    [
+        (SINGULAR, called_ok(SINGULAR, q=0.3), "position: ok where joints are open: 1 times, first t = 1"),
+        (LOST, called_ok(LOST), "position: status ok without a number"),
+        (FOUR_BAR, replace(refkin.solve(FOUR_BAR), qd=None, qdd=None), "velocity: not delivered: not delivered at any"),
+        (FOUR_BAR, refkin.solve(replace(FOUR_BAR, bodies_wanted=("crank",))), "no answer for coupler, rocker"),
+    ],
+)
+def test_a_whole_answer_owes_what_an_engine_owes(scene, motion, said):
+    with pytest.raises(AssertionError, match=said):
+        crosscheck.assert_agrees(motion, scene)
+
+
+@pytest.mark.parametrize("residual", [-1.0, float("nan"), float("inf")])
+def test_a_residual_is_a_number_that_is_not_negative(residual):
+    with pytest.raises(ValueError, match="residual: expected a number that is not negative, got"):
+        crosscheck.assert_agrees(refkin.solve(FOUR_BAR), FOUR_BAR, residual=residual)
+
+
 def test_what_cannot_be_compared_is_no_agreement():
     with pytest.raises(NothingToCompare, match="the answer has no number"):
         crosscheck.assert_agrees({"rocker": {}}, FOUR_BAR)
