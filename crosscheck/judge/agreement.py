@@ -32,7 +32,7 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
 
     What is allowed is derived for each coordinate and time from the rounding of the formulas and how near a singular
     pose is (`crosscheck.judge.budget`); angles may differ by full turns. Where no such bound holds, next to a singular
-    pose, nothing is compared.
+    pose, nothing is compared; what a `Motion` calls ok there has numbers and closes the joints.
 
     Parameters
     ----------
