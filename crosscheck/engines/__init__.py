@@ -516,9 +516,6 @@ def _formed(spec: str, engine: Any) -> None:
     ):
         if not well:
             raise EngineError(f"engine {spec!r}: {key}: expected {expected}, got {kept(repr(value))}")
-    of_rows = {level for row in table.values() for level, x in row.items() if x.support is not Support.REFUSED}
-    if of_rows - {Level.SOLVE} and not hasattr(engine, "constraints"):
-        raise EngineError(f"engine {spec!r} lacks: constraints, of which its capability table says that it has rows")
     if hasattr(engine, "routes"):
         all_of(engine, "routes", engine.routes(), Route)
 

@@ -165,16 +165,6 @@ def test_what_an_engine_says_of_itself_in_another_form_is_named(monkeypatch, att
     assert said in str(raised.value)
 
 
-def test_an_engine_that_claims_rows_has_constraints(tmp_path, monkeypatch):
-    fake = type(load(engine_file(tmp_path, before="pass")))
-    monkeypatch.setitem(sys.modules, "own_module", types.SimpleNamespace(Fake=fake))
-    load("own_module:Fake")
-    fake.capabilities = lambda self: {"angle": {Level.SOLVE: NATIVE, Level.DRIFT: NATIVE}}
-
-    with pytest.raises(EngineError, match="lacks: constraints, of which its capability table says that it has rows"):
-        load("own_module:Fake")
-
-
 def test_a_record_holds_whatever_an_engine_says():
     def raising(motion):
         raise EngineError("cannot read \udce4.lib \x1b[2J\0" + 10**6 * "x")
