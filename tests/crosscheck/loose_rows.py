@@ -17,10 +17,13 @@ U = 2.0**-53
 ROWS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 LENGTH = 1.25
 KINDS = {
-    "mujoco": ("revolute", "fixed", "prismatic", "point_on_line", "distance", "gear", "angle", "x", "y", "cylinder"),
+    "exudyn": (
+        *("revolute", "fixed", "prismatic", "point_on_line", "distance", "gear", "angle", "x", "y", "cylinder"),
+        *("disc", "face on disc"),
+    ),
     "pinocchio": ("revolute", "fixed", "prismatic", "point_on_line"),
 }
-KINDS["exudyn"] = (*KINDS["mujoco"], "disc", "face on disc")
+KINDS["mujoco"] = (*KINDS["exudyn"][:-2], "planet")
 """What each has rows of."""
 
 
@@ -31,9 +34,10 @@ def constraint(kind: str, k: int, i: str, j: str, u: Callable[[], Any], size: fl
     name, axis, moving = f"{kind} {k}", ((0.6, -0.8), (-3.0, 2.0), (0.0, 1e-20))[k], i if j == "ground" else j
     if kind == "angle":
         return joints.AngleDriver(name=name, body=j, relative_to=i, law=turn)
-    if kind == "gear":
+    if kind in ("gear", "planet"):
         (radius_i, radius_j), (phi0_i, phi0_j) = u(), u()
-        zeros = {"phi0_i": phi0_i / size, "phi0_j": phi0_j / size}
+        carrier = next(body for body in ("a", "b", "ground") if body not in (i, j)) if kind == "planet" else "ground"
+        zeros = {"phi0_i": phi0_i / size, "phi0_j": phi0_j / size, "carrier": carrier}
         return joints.Gear(name=name, body_i=i, radius_i=radius_i, body_j=j, radius_j=radius_j, **zeros)
     if kind in "xy":
         return {"x": joints.XDriver, "y": joints.YDriver}[kind](name=name, body=moving, point=u(), law=law)

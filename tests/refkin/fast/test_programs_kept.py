@@ -71,7 +71,7 @@ MADE = {
     **{f"many: {s}, {len(e)}": partial(many, s, frozenset(e)) for s in (1, -1) for e in ((), (Evidence.CERTIFICATE,))},
     **{f"large: {n}": partial(large, chain(n, times=(0.3,))) for n in (4, 9)},
     "large: at once": partial(large, chain(5, together=True, times=(0.2,))),
-    "large: platform": partial(large, platform(times=(0.4,))),
+    "large: platform": partial(large, platform(times=(0.05,))),
 }
 KEPT = read(FILE)
 
