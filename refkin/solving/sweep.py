@@ -162,11 +162,13 @@ class Sweep(Steps):
     def comes_to_singular_pose(self, step: int) -> bool:
         """Return whether a step ends at a pose that is not proved to be alone, and no branches cross on the way there.
 
-        That is proved of all but the last of the way, where no proof can be.
+        That is proved of all but the last of the way, where no proof can be; a step that begins there is the last.
         """
         (t, end), (q, last) = self.t[step : step + 2], self.q[step : step + 2]
         if isolate(self.system, last[:, None], [end]).ok[0]:
             return False
+        if sigma_min(self.system.phi_q(q, t)) <= ALONE:
+            return True
         return Sweep(self.system, [t], [q], proving=True, certified=True).arrives(end - (end - t) * UNPROVED)
 
     def first_unproved(self, steps: list[int]) -> int | None:

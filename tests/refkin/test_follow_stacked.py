@@ -114,6 +114,20 @@ def test_a_pose_where_branches_cross_is_not_reached_by_a_step_within_which_other
     assert refkin.solve(at_first, certified=certified).status == (Status.OK, Status.OK, Status.SINGULAR)
 
 
+def test_a_last_step_to_a_stretched_pose_that_is_too_short_for_a_proof_leads_there():
+    """From 7.5e-7 s before it no tube is proved: the pose was called lost."""
+    ground, coupler, rocker, begin = 0.40991783142089844, 0.3866233825683594, 1.023294448852539, 0.8781601073640913
+    pins = ("ground", 0.0, "a", 0.0), ("a", -1.0, "b", 0.0), ("b", coupler, "c", rocker), ("ground", ground, "c", 0.0)
+    at = {"a": (0.0, 0.0, begin), "b": (-math.cos(begin), -math.sin(begin), 1.2941108), "c": (ground, 0.0, -2.7424868)}
+    joints = tuple(Revolute(name=i + j, body_i=i, point_i=(x, 0.0), body_j=j, point_j=(y, 0.0)) for i, x, j, y in pins)
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(begin, -begin)))
+    bodies = tuple(Body(name=name, estimate=q) for name, q in at.items())
+    times = tuple(np.linspace(0.0, 1.0, 72).tolist())
+    motion = refkin.solve(Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=times))
+
+    assert motion.status == (*[Status.OK] * 71, Status.SINGULAR)
+
+
 def test_two_changes_within_a_step_are_met_although_no_sign_changes():
     """One driver spans both parallelograms, so one block of phi_q holds both, and its sign changes twice."""
     scene = stacked((3.0, 2.0))
