@@ -69,9 +69,10 @@ def at(path: str, data: Any) -> Any:
 def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Fault]:
     """Yield the bodies that no joint and no driver ties, by way of others or not, to the ground."""
     beside: dict[str, set[str]] = {}
-    for pair in (constraint.bodies for constraint in constraints):
-        for body in pair:
-            beside.setdefault(body, set()).update(pair)
+    for i, j, *carrier in (constraint.bodies for constraint in constraints):
+        joined = {i, j} if carrier == [GROUND] else {i, j, *carrier}  # wheels in gear are not tied to the ground
+        for body in joined:
+            beside.setdefault(body, set()).update(joined)
     tied, reached = {GROUND}, [GROUND]
     while reached:
         more = beside.get(reached.pop(), set()) - tied

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import refkin
+from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
@@ -181,3 +183,12 @@ def test_a_group_that_is_no_list_is_a_fault_like_any_other(tmp_path):
 
     assert "joint: expected a list: each joint under a header [[joint]], got 3 (line 3)" in message
     assert "times: expected a table of keys, got [0, 1] (line 5)" in message
+
+
+@pytest.mark.parametrize(("carrier", "loose"), [("ground", ["b", "c"]), ("a", [])])
+def test_wheels_in_gear_are_tied_to_their_carrier_and_not_to_the_ground_that_their_angles_count_from(carrier, loose):
+    bodies = [refkin.Body(name=name) for name in "abc"]
+    pin = refkin.Revolute(name="A", body_i="ground", point_i=(0.0, 0.0), body_j="a", point_j=(0.0, 0.0))
+    teeth = refkin.Gear(name="teeth", body_i="b", radius_i=1.0, body_j="c", radius_j=2.0, carrier=carrier)
+
+    assert [fault.value for fault in unconnected(bodies, [pin, teeth])] == loose
