@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
-from refkin.model import Mechanism
+from refkin.joints import AngleDriver, Distance, Fixed, Gear, PointOnLine, Prismatic, Revolute, XDriver, YDriver
+from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.assembly import assembly
 from refkin.proof.assembly.group_poses import GroupPose, Link, moves_of_group
 from refkin.proof.assembly.loci import Circle, Line, meet
 from refkin.proof.assembly.rigid_groups import plan
-from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
+from refkin.system import compile_system
 from refkin.vec import Vec
 
 from .assembly_cases import (
@@ -594,3 +595,21 @@ def test_a_point_that_two_lines_hold_is_located_once_though_that_leads_nowhere()
 
     assert [step.locates for step in plan(AssemblyRows((), on, ()), ["b"]).steps] == [True]
     assert plan(AssemblyRows((), own, ()), ["b"]).steps == ()
+
+
+@pytest.mark.parametrize("driven", [("arm", "sun"), ("planet", "arm"), ("sun", "planet")])
+def test_of_two_wheels_and_their_carrier_two_angles_give_the_third(driven):
+    """2 (sun - arm - 0.3) + (planet - arm - 0.5) = 0: Newton would mend a wrong one."""
+    pins = ("ground", 0.0, "sun"), ("ground", 0.0, "arm"), ("arm", 3.0, "planet")
+    joints = [Revolute(name=j, body_i=i, point_i=(x, 0.0), body_j=j, point_j=(0.0, 0.0)) for i, x, j in pins]
+    wheels = {"body_i": "sun", "radius_i": 2.0, "phi0_i": 0.3, "body_j": "planet", "radius_j": 1.0, "phi0_j": 0.5}
+    laws = [Polynomial(coefficients=(angle,)) for angle in (0.2, 1.2)]
+    drivers = [AngleDriver(name=f"{name} 2", body=name, law=law) for name, law in zip(driven, laws, strict=True)]
+    bodies = [Body(name=name) for name in ("sun", "arm", "planet")]
+    mechanism = Mechanism(bodies, [*joints, Gear(name="teeth", **wheels, carrier="arm")], drivers)
+    read = read_rows(compile_system(mechanism, unit=mechanism.unit()), 0.0).relative_angles
+    (teeth,) = (row for row in read if row.name == "teeth")
+    at = {**dict(zip(driven, (0.2, 1.2), strict=True)), teeth.j: float(teeth.angle)}
+
+    assert teeth.i == "ground"
+    assert abs(2.0 * (at["sun"] - at["arm"] - 0.3) + (at["planet"] - at["arm"] - 0.5)) < 1e-14
