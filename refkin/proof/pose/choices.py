@@ -243,10 +243,10 @@ class _Moves:
         return far
 
     def farthest(self) -> list[Any]:
-        """Return the largest distance of a choice that serves as well, (B,) for each level."""
-        batch, d, n = self.factors.shape
+        """Return the largest distance of a choice that serves as well, (B,) for each level; NaN if the first has none."""
+        _, d, n = self.factors.shape
         own, limit = np.linalg.norm(self.inverse, axis=(1, 2)), self.limit
-        gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [np.zeros(batch) for _ in self.moved]
+        gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [0.0 * own for _ in self.moved]
         for count in range(1, d + 1):
             olds = np.array(list(combinations(range(n), count)))
             for new in map(np.array, combinations(range(d), count)):
