@@ -189,6 +189,7 @@ class PlaneModel(KeptModel):
         """Return what SolveStatic leaves of the residual in metres and rad."""
         elements, t = list(elements_of(scene.mechanism.constraints)), np.array(scene.times)
         values = np.array([law(t, 0) + 0.0 * t for driver in scene.mechanism.drivers for law in driver.laws])
-        residual = self.model.residual(self.start, scene.times[0])
+        self.model.set_state(self.start, scene.times[0])
+        residual = self.model.equations()
         lengths = [e.laws[0](t, 0) / self.size for e in elements if isinstance(e, PointDistance) and e.laws]
         return stopping_rule(residual, values, lengths, max(1.0, 1.0 / self.size), "m or rad")

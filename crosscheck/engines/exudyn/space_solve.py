@@ -67,7 +67,8 @@ class SpaceModel(KeptModel):
         """Return what SolveStatic leaves of the residual, as in the plane."""
         drives, t = self.numbers.drives, np.array(scene.times)
         values = np.array([drive.value(t) for drive in drives])
-        residual = self.model.residual(self.start, scene.times[0])
+        self.model.set_state(self.start, scene.times[0])
+        residual = self.model.equations()[self.model.live]
         lengths = [x for x, drive in zip(values, drives, strict=True) if drive.kind == JointKind.DISTANCE]
         return replace(stopping_rule(residual, values, lengths, 2.0, "sizes or half rad"), form=FORM)
 
