@@ -49,8 +49,8 @@ from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolu
 from refkin.joints.rolling import Gear, RackAndPinion
 
 from refkin.joints.spatial import (  # isort: skip
-    Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance, SpatialFixed, SpatialPointOnLine,
-    SpatialPrismatic, SpatialRevolute, Spherical, Universal,
+    Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance, SpatialFixed, SpatialGear,
+    SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
 )  # fmt: skip
 from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
@@ -70,11 +70,11 @@ if TYPE_CHECKING:
 __all__ = [
     "AngleDriver", "Body", "Cam", "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Effect",
     "Evidence", "Fault", "Fixed", "FourBar", "Gear", "Integral", "InvalidRequest", "InvalidScene",
-    "InvertedSliderCrank", "Mechanism", "Motion", "NewtonResult", "NewtonStatus", "Parallel", "Perpendicular",
-    "Point", "PointOnLine", "PointOnPlane", "Polar", "Polynomial", "Prismatic", "RackAndPinion", "RefkinError",
-    "Revolute", "Scene", "Screw", "Seeding", "Sinusoid", "SliderCrank", "SpatialAngleDriver", "SpatialDistance",
-    "SpatialDistanceDriver", "SpatialFixed", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical",
-    "Status", "System", "Table", "Unit", "Universal", "XDriver", "YDriver", "__version__", "acceleration",
+    "InvertedSliderCrank", "Mechanism", "Motion", "NewtonResult", "NewtonStatus", "Parallel", "Perpendicular", "Point",
+    "PointOnLine", "PointOnPlane", "Polar", "Polynomial", "Prismatic", "RackAndPinion", "RefkinError", "Revolute",
+    "Scene", "Screw", "Seeding", "Sinusoid", "SliderCrank", "SpatialAngleDriver", "SpatialDistance",
+    "SpatialDistanceDriver", "SpatialFixed", "SpatialGear", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute",
+    "Spherical", "Status", "System", "Table", "Unit", "Universal", "XDriver", "YDriver", "__version__", "acceleration",
     "compile_system", "diagnose", "follow", "load", "newton", "position", "solve", "velocity",
 ]
 # fmt: on

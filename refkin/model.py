@@ -13,7 +13,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene, expect
 from refkin.joints import GROUND, Constraint, Driver, Kind, Unit, with_unit_length
-from refkin.joints.checks import kind_of, mechanism_faults, plain, scene_faults
+from refkin.joints.checks import kind_of, looked_up, mechanism_faults, plain, scene_faults
 from refkin.motion_laws import STRICT
 
 
@@ -83,8 +83,8 @@ class Mechanism:
 
     @cached_property
     def constraints(self) -> tuple[Constraint, ...]:
-        """Joints, then drivers: the order of the rows; a driver that names a joint has it looked up."""
-        return (*self.joints, *(driver.among(self.joints) for driver in self.drivers))
+        """Joints, then drivers: the order of the rows; those that name a joint have it looked up."""
+        return looked_up(self)
 
     @property
     def kind(self) -> Kind:

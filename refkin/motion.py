@@ -115,9 +115,9 @@ def kind_of(width: int) -> Kind:
     return SPACE if width == SPACE.width else PLANE
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ContactMotion:
-    """The contact parameter of a cam [rad] and its rates, each (T,); None if not called for."""
+    """A joint's own coordinate [rad] and rates, (T,) or None: of a cam its contact, of counted turns half the angle."""
 
     s: Array
     sd: Array | None = None

@@ -193,11 +193,12 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
     placed, owners = list[ConstraintRows](), dict[str, range]()
     row, n = 0, kind.width * len(bodies)
-    for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
-        own = owners[constraint.name] = range(n, n + constraint.parameters)
-        where = (*(starts[body] for body in constraint.bodies), *own, *owners.get(constraint.shares, ()))
-        placed.append(ConstraintRows(constraint, _geometry(constraint, unit), row, where))
-        row, n = row + constraint.rows, n + len(own)
+    for c in mechanism.constraints:
+        owners[c.name] = range(n, n := n + c.parameters)
+    for c in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
+        where = (*(starts[b] for b in c.bodies), *(k for name in (c.name, *c.shares) for k in owners.get(name, ())))
+        placed.append(ConstraintRows(c, _geometry(c, unit), row, where))
+        row += c.rows
     return System(mechanism, effects, unit, tuple(placed), n, row, kind)
 
 

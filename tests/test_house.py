@@ -58,9 +58,12 @@ def test_nothing_in_a_package_imports_its_face(package):
     assert [name for name, others in arrows().items() if name.startswith(f"{package}.") and package in others] == []
 
 
-LATER = {"cams.py", "contact_kinematics.py", "elements.py", "spatial_elements.py", "spatial_passive.py"}
-"""Cams are a chapter of the joints that may be left for another day; elements, and what is found of them alone, serve
-who solves no formula."""
+LATER = {
+    *("cams.py", "contact_kinematics.py", "own_coordinates.py"),
+    *("elements.py", "spatial_elements.py", "spatial_passive.py"),
+}
+"""Cams, and what joints count, are a chapter that may be left for another day; elements, and what is found of them
+alone, serve who solves no formula."""
 
 
 SECTION = re.compile(r"^ +Parameters\n +-+\n.*?(?=\n *\n|\n *\"\"\")", re.DOTALL | re.MULTILINE)
@@ -78,17 +81,17 @@ def test_the_reference_is_read_in_one_sitting():
     joints = [path for path in sources("refkin/joints") if path.name not in LATER]
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
-    assert lines(spine) <= 1195
+    assert lines(spine) <= 1193
     assert lines(spine) + lines(joints) - lines(of_space) <= 2000
-    assert lines(of_space) <= 964  # the second chapter that may be left for another day: bodies of space
+    assert lines(of_space) <= 1093  # the second chapter that may be left for another day: bodies of space
 
 
 def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 61_059
-    assert size["tests"] <= 48_985
+    assert size["refkin"] + size["crosscheck"] <= 61_399
+    assert size["tests"] <= 49_240
 
 
 ALL = ("refkin", "crosscheck", "tests")

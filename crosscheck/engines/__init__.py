@@ -39,6 +39,7 @@ from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import AxesParallel, Constraint, elements_of
+from refkin.joints.spatial_base import Counted
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, __version__, engine_motion
 
@@ -90,7 +91,7 @@ What is absent is refused at every level, and with it every joint that consists 
 OF_SPACE = (
     *("points of space coincide", "axes parallel", "axes perpendicular", "point on axis", "point in plane", "screw"),
     *("turn about axis", "turn about axis by a law", "twist about axis", "shift along axis by a law"),
-    *("distance of space", "distance of space by a law"),
+    *("distance of space", "distance of space by a law", "turns in gear"),
 )
 ELEMENTS = (
     *("points coincide", "points coincide by a law", "point on line", "distance", "distance by a law"),
@@ -382,7 +383,8 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
     """
     table, unsupported = engine.capabilities(), []
     for constraint in constraints:
-        reasons, rows, elements = [], 0, list(elements_of([constraint]))
+        reasons, elements = [], list(elements_of([constraint]))
+        rows = int(isinstance(constraint, Counted))  # what a gear counts turns with
         parallel = any(isinstance(element, AxesParallel) for element in elements)
         for element in elements:
             rows += element.rows

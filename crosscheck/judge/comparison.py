@@ -12,9 +12,9 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, propagation, times_with
-from crosscheck.judge.poses import with_contacts, with_turns
+from crosscheck.judge.poses import with_contacts, with_counts, with_turns
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
-from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
+from crosscheck.judge.spatial import Spins, alike, half_angles, passive_lines, spun
 from crosscheck.scenes.names import decade
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
@@ -150,8 +150,6 @@ def reference(scene: Scene) -> Reference:
     motion = nearest(whole)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     contacts: list[Any] = [(c.s, c.sd, c.sdd) for c in motion.contacts.values()]
-    if system.kind.name == "spatial":
-        contacts = screw_coordinates(scene.mechanism, [np.asarray(level) for level in motion.levels])
     whole_levels: list[Any] = [(level, *(c[k] for c in contacts)) for k, level in enumerate(motion.levels)]
     with np.errstate(invalid="ignore"):
         q, qd, qdd = (system.to_unit(np.vstack(level), order) for order, level in enumerate(whole_levels))
@@ -361,9 +359,8 @@ def whole_poses(system: System, motion: Motion, samples: Any, ours: Any) -> Any:
     for k, body in enumerate(motion.bodies):
         q[system.columns(body)] = motion.q[width * k : width * (k + 1), samples]
     if width == 7 and len(bodies) < len(q):
-        screws = screw_coordinates(system.mechanism, [bodies, 0.0 * bodies, 0.0 * bodies])
-        q[len(bodies) :] = [half for half, *_ in screws]
-    q = system.to_unit(q)
+        q[len(bodies) :] = half_angles(system.mechanism, bodies)
+    q = with_counts(system, system.to_unit(q), t, ours)
     known, own = np.isfinite(ours).all(axis=0), ours[: system.of_bodies]
     bodies = q[: system.of_bodies]
     bodies[:, known] = (own + difference(system, bodies, own, 0))[:, known]

@@ -153,7 +153,9 @@ def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -
     return [
         f"row {e.row + k} of {e.name}"
         for c in mechanism.constraints
-        if c.name not in left_out and getattr(c, "joint", "") not in refused
+        if c.name not in left_out
+        and getattr(c, "joint", "") not in refused
+        and not (c.shares and c.laws)  # a driver that counts turns has a coordinate that no engine has
         for e in elements_of([c])
         if table.get(e.key, {}).get(Level.RESIDUAL, ABSENT).support is not Support.REFUSED
         and (model.owns_driver or not e.laws)

@@ -15,6 +15,7 @@ import numpy as np
 
 from crosscheck.judge.budget import residual_error
 from refkin.joints import initial_contacts, polar_cams
+from refkin.joints.spatial_base import Counted
 from refkin.system import System
 
 CORRECTIONS = 4
@@ -64,6 +65,24 @@ def _counts(system: System, q: Any, t: Any) -> dict[int, dict[int, float]]:
         for row in np.flatnonzero(among & (np.abs(added) > 2 * rounded)[:, 0]).tolist():
             counts.setdefault(row, {})[k] = float(added[row, 0])
     return counts
+
+
+def with_counts(system: System, q: Any, t: Any, ours: Any) -> Any:
+    """Return poses (n, K) of space in the turns that gears count: those of the reference, or else those of laws.
+
+    Parameters
+    ----------
+    system, q, t, ours
+        As for `with_contacts`.
+    """
+    counted = [p.starts[2] for p in system.placed if isinstance(p.constraint, Counted)]
+    if not counted:
+        return q
+    q, known = q.copy(), np.isfinite(ours).all(axis=0)
+    q[counted] += np.pi * np.round((np.nan_to_num(ours) - q)[counted] / np.pi)
+    for k in np.flatnonzero(~known).tolist():
+        q[counted, k] = initial_contacts(system, q[:, k], t[k])[counted]
+    return q
 
 
 def with_contacts(system: System, q: Any, t: Any, ours: Any) -> Any:

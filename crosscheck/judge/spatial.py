@@ -9,7 +9,6 @@ their rates; of bodies that spin as one also that of their turns against each ot
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.passive import Line
-from crosscheck.engines.spatial.reading import AXIAL, COUNTED, Hold, Numbers, numbers_of
+from crosscheck.engines.spatial.reading import AXIAL, Hold, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, parameters, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
 from refkin.model import Mechanism
@@ -162,28 +161,25 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
     return wrong
 
 
-def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[list[Array]]:
-    """Return half the angle of every screw, turns counted, and its rates, (T,) each: coordinates of the equations.
+def half_angles(mechanism: Mechanism, q: Array) -> list[Array]:
+    """Return half the angle (T,) of every joint that counts turns, from poses (7 n, T) of all bodies [m].
 
-    A joint has one of them, however many of its elements are screws. Levels are position, velocity and acceleration of
-    all bodies, (7 n, T) each [m].
+    They are coordinates of the equations, of each joint one, however many of its elements are screws. Of a screw its
+    shift says which turn it is in, of another joint nothing does: it is in that about 0.
     """
     numbers = _numbers(mechanism, SI)
-    at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}
-    rest = np.zeros_like(levels[0][:7].T)
-    at[GROUND] = [rest + np.eye(7)[3], rest, rest]
-    screws = {hold.name: hold for hold in numbers.holds if hold.kind in COUNTED}
-    return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in screws.values()]
+    at = {body: q[7 * k : 7 * k + 7].T for k, body in enumerate(numbers.bodies)}
+    at[GROUND] = np.zeros_like(q[:7].T) + np.eye(7)[3]
+    counting = {hold.name: hold for hold in numbers.holds if hold.name in numbers.counted}
+    return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in counting.values()]
 
 
-def _half_angle(hold: Hold, i: Sequence[Array], j: Sequence[Array]) -> list[Array]:
+def _half_angle(hold: Hold, i: Array, j: Array) -> Array:
     """Return s = atan2(e3, e0), of the Euler parameters e that lead from the frame on body i to that on body j."""
-    a, b = ([product(x[:, 3:], parameters(f)) for x in body] for body, f in ((i, hold.frame_i), (j, hold.frame_j)))
-    of = [[math.comb(k, n) * product(conjugate(a[n]), b[k - n]) for n in range(k + 1)] for k in range(3)]
-    (c, s), (cd, sd), (cdd, sdd) = (np.sum(terms, axis=0).T[[0, 3]] for terms in of)
-    half, square = np.arctan2(s, c), c * c + s * s
-    d = j[0][:, :3] + _turned(j[0][:, 3:], hold.u_j) - i[0][:, :3] - _turned(i[0][:, 3:], hold.u_i)
-    height = np.sum(_turned(i[0][:, 3:], hold.frame_i[:, 2]) * d, axis=1)
-    half = half + np.pi * np.round((0.5 * (height - hold.shift) / hold.pitch - half) / np.pi)
-    rate = (c * sd - s * cd) / square
-    return [half, rate, (c * sdd - s * cdd - 2.0 * rate * (c * cd + s * sd)) / square]
+    a, b = (product(x[:, 3:], parameters(f)) for x, f in ((i, hold.frame_i), (j, hold.frame_j)))
+    half = np.arctan2(*product(conjugate(a), b).T[[3, 0]])
+    if not hold.pitch:
+        return half - np.pi * np.round(half / np.pi)
+    d = j[:, :3] + _turned(j[:, 3:], hold.u_j) - i[:, :3] - _turned(i[:, 3:], hold.u_i)
+    height = np.sum(_turned(i[:, 3:], hold.frame_i[:, 2]) * d, axis=1)
+    return half + np.pi * np.round((0.5 * (height - hold.shift) / hold.pitch - half) / np.pi)

@@ -20,6 +20,7 @@ from refkin.joints import (
     SpatialAngleDriver,
     SpatialDistanceDriver,
     SpatialFixed,
+    SpatialGear,
     SpatialPointOnLine,
     SpatialPrismatic,
     SpatialRevolute,
@@ -110,8 +111,33 @@ def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     sleeve, slide = Cylindrical(**joint), SpatialPrismatic(**joint)
     yield "cylindrical, both its motions driven", _scene(times, poses, (sleeve,), turn, shift)
     yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
+    yield from _geared(law, times)
     yield "distance driven", _boom(replace(lift, offset=1.2), times)
     yield "six distances driven", Stewart.three_three().scene(law=law, times=times)
+
+
+def _geared(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
+    """Yield bevel wheels on the ground, and a differential: the arm turns, and a sun against it."""
+    tilted, rest = (0.6, 0.0, 0.8), (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+    def axle(name: str, i: str, j: str, axis: Any) -> SpatialRevolute:
+        along: Any = {f"axis_{end}": axis for end in "ij"} | {f"zero_{end}": Y for end in "ij"}
+        return SpatialRevolute(name=name, **ends(i, AT, j, AT), **along)
+
+    def mesh(i: str, radius_i: float, j: str, radius_j: float) -> SpatialGear:
+        return SpatialGear(name=f"{i} {j}", joint_i=i, radius_i=radius_i, joint_j=j, radius_j=radius_j)
+
+    motor = SpatialAngleDriver(name=MOTOR, joint="one", law=law)
+    poses = {"wheel": (*AT, 0.85, 0.0, 0.0, 0.53), "pinion": (*AT, 0.45, -0.54, 0.0, -0.71)}
+    wheels = axle("one", GROUND, "wheel", Z), axle("two", GROUND, "pinion", tilted)
+    yield "gear, bevel wheels", _scene(times, poses, (*wheels, mesh("one", 0.5, "two", 0.25)), motor)
+    slow = Polynomial(coefficients=(0.0, 0.5))
+    arm = SpatialAngleDriver(name="arm", joint="shaft", law=slow)
+    poses = {"arm": rest, "sun": (*AT, 0.85, 0.0, 0.0, 0.53), "planet": (*AT, 0.45, -0.89, 0.0, 0.0)}
+    poses |= {"other sun": (*AT, 0.85, 0.0, 0.0, -0.53)}
+    axles = axle("one", "arm", "sun", Z), axle("two", "arm", "planet", X), axle("three", "other sun", "arm", Z)
+    gears = mesh("two", 0.25, "three", 0.5), mesh("one", 0.5, "two", 0.25)
+    yield "gears on an arm", _scene(times, poses, (*gears, axle("shaft", GROUND, "arm", Z), *axles), arm, motor)
 
 
 def _boom(law: DriveLaw, times: Times) -> Scene:

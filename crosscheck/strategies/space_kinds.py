@@ -37,6 +37,7 @@ from refkin.joints import (
     Cylindrical,
     Screw,
     SpatialDistanceDriver,
+    SpatialGear,
     SpatialPrismatic,
     SpatialRevolute,
     Universal,
@@ -201,6 +202,34 @@ def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     return SpacePlan(bodies, joints, "H", span, length - float(np.max(away)), region)
 
 
+def _geared(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
+    """A wheel in gear with one whose axis lies in any direction, and a slider that a rod ties to that one."""
+    radii = draw(st.floats(0.5, 2.0), label="first radius"), sign * draw(st.floats(0.5, 2.0), label="second radius")
+    span, wheel = drawn_span(draw), joint_frame(direction(draw, "axis of the second wheel"), None)
+    axis = joint_frame(direction(draw, "axis of the slide"), None)
+    foot = np.array([draw(COORDINATES, label="offset of the slide") for _ in range(3)])
+    tips = crank(-radii[0] / radii[1] * np.linspace(*span, GRID)) @ wheel.T
+    w = (tips - foot) @ axis
+    away = np.hypot(w[:, 0], w[:, 1])
+    length = float(np.max(away)) + draw(st.floats(0.25, 2.0), label="room of the rod")
+    end = foot + (w[0, 2] + math.sqrt(length**2 - away[0] ** 2)) * axis[:, 2]
+    bodies = {
+        "wheel": (np.zeros(3), turn(Z, span[0])),
+        "crank": (np.zeros(3), joint_frame(wheel[:, 2], tips[0])),
+        "slider": (end, axis),
+    }
+
+    def joints(pose: SpaceAssembly) -> None:
+        sizes: Any = {f"radius_{k}": radius * pose.size for k, radius in zip("ij", radii, strict=True)}
+        pose.add(SpatialRevolute, "R1", GROUND, "wheel", np.zeros(3), Z, zero_i=X, zero_j=crank(span[0]))
+        pose.add(SpatialRevolute, "R2", GROUND, "crank", np.zeros(3), wheel[:, 2], zero_i=wheel[:, 0], zero_j=tips[0])
+        pose.joints.append(SpatialGear(name="G", joint_i="R1", joint_j="R2", **sizes))
+        link(pose, "crank", "slider", (tips[0], end), "rod", False)
+        pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
+
+    return SpacePlan(bodies, joints, "R1", span, length - float(np.max(away)), region)
+
+
 def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
     """An RSSR whose rocker is the crank of another."""
     circle, whole = drawn_rocker(draw, region, decades), draw(st.booleans(), label="coupler is a body")
@@ -319,5 +348,6 @@ KINDS: dict[str, tuple[Callable[..., SpacePlan], Sequence[Region]]] = {
     "RSCR": (_rscr, (Region.REGULAR, Region.LIMIT, Region.FOLD)),
     "Bricard": (_bricard, (Region.REGULAR,)),
     "Stewart": (_stewart, (Region.REGULAR,)),
+    "geared": (_geared, (Region.REGULAR,)),
 }
 """How each kind is made, and where it can go."""

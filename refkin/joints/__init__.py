@@ -1,8 +1,9 @@
 """The joints and drivers: each one's formulas written once, in scalar arithmetic (see `base`)."""
 
 from refkin.joints.base import PLANE, SI, Constraint, Kind, Unit
-from refkin.joints.cams import Cam, Disc, Polar, initial_contacts, polar_cams
+from refkin.joints.cams import Cam, Disc, Polar, polar_cams
 from refkin.joints.drivers import DRIVER_TYPES, AngleDriver, DistanceDriver, Driver, XDriver, YDriver
+from refkin.joints.own_coordinates import initial_contacts
 from refkin.joints.planar import PLANAR_TYPES, Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
 
@@ -14,36 +15,34 @@ from refkin.joints.elements import (
 )
 from refkin.joints.spatial import (
     SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
-    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
+    SpatialFixed, SpatialGear, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
 )
 from refkin.joints.spatial_bodies import SPACE, with_unit_length
 from refkin.joints.spatial_drivers import (
     SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
 )
 from refkin.joints.spatial_elements import (
-    AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, ScrewMotion, ShiftAlongAxis,
+    AxesParallel, AxesPerpendicular, GearedTurns, PointInPlane, PointOnAxis, PointsMeet, ScrewMotion, ShiftAlongAxis,
     SpatialPointDistance, TurnAboutAxis,
 )
 from refkin.joints.spatial_passive import passive_spins
 # isort: on
-# fmt: on
 
 JOINT_TYPES: tuple[type[Constraint], ...] = (*PLANAR_TYPES, Gear, RackAndPinion, Cam)
 
 KINDS = {kind.name: kind for kind in (PLANE, SPACE)}
 """Bodies are of the plane or of space, all those of a mechanism alike."""
 
-# fmt: off
 __all__ = [
     "DRIVER_TYPES", "GROUND", "JOINT_TYPES", "KINDS", "PLANE", "SI", "SPACE", "SPATIAL_DRIVER_TYPES",
     "SPATIAL_JOINT_TYPES", "AngleDriver", "AxesParallel", "AxesPerpendicular", "Cam", "Constraint", "Contact",
     "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Driver", "Element", "Fixed", "Gear",
-    "GuidedPoint", "Kind", "Pair", "Parallel", "Perpendicular", "PointCoordinate", "PointDistance", "PointInPlane",
-    "PointOnAxis", "PointOnLine", "PointOnPlane", "PointsCoincide", "PointsMeet", "Polar", "Prismatic",
+    "GearedTurns", "GuidedPoint", "Kind", "Pair", "Parallel", "Perpendicular", "PointCoordinate", "PointDistance",
+    "PointInPlane", "PointOnAxis", "PointOnLine", "PointOnPlane", "PointsCoincide", "PointsMeet", "Polar", "Prismatic",
     "RackAndPinion", "RelativeAngle", "Revolute", "RollingOnLine", "RollingWheels", "Screw", "ScrewMotion",
-    "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed",
+    "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed", "SpatialGear",
     "SpatialPointDistance", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical", "Triple",
-    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "initial_contacts",
-    "passive_spins", "polar_cams", "with_unit_length",
+    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "initial_contacts", "passive_spins",
+    "polar_cams", "with_unit_length",
 ]
 # fmt: on

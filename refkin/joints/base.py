@@ -144,9 +144,9 @@ class Constraint:
         return 0
 
     @property
-    def shares(self) -> str:
-        """The joint whose own coordinates enter this constraint too; "" if there is none."""
-        return ""
+    def shares(self) -> tuple[str, ...]:
+        """The joints whose own coordinates enter this constraint too."""
+        return ()
 
     def among(self, joints: Sequence[Constraint]) -> Constraint:
         """Return the constraint with the joint that it names, if any, found among those of the mechanism."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -208,30 +207,3 @@ class Cam(BetweenPoints):
 def polar_cams(constraints: Iterable[Constraint]) -> list[Any]:
     """Return the cams of polar profile: those that bring a contact parameter, with a `span` and a `profile`."""
     return [c for c in constraints if isinstance(c, Cam) and c.parameters]
-
-
-def initial_contacts(system: Any, q: Any, t: float) -> Any:
-    """Return coordinates with each contact parameter set to its estimate, or to where the joint misses least.
-
-    What it misses are its own rows: for a point the distance from the profile; for a roller and a face the tangent
-    counts as well.
-
-    Parameters
-    ----------
-    system : refkin.system.System
-    q : (n,) array
-        A pose at time t [s], or an estimate of one; its contact parameters are not looked at.
-    t : float
-        When [s].
-    """
-    q = np.array(q, float)
-
-    def rows(p: Any, s: Any) -> Any:
-        poses = np.repeat(q[:, None], len(s), axis=1)
-        poses[p.starts[2]] = s
-        return system.phi(poses, t)[p.row : p.row + p.constraint.rows]
-
-    for p in system.placed:
-        if p.constraint.parameters:
-            q[p.starts[2]] = p.constraint.initial_contact(partial(rows, p))
-    return q

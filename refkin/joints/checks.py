@@ -17,6 +17,7 @@ from refkin.errors import Fault
 from refkin.joints.base import PLANE, Constraint, Kind
 from refkin.joints.drivers import Driver
 from refkin.joints.elements import BODIES, GROUND
+from refkin.joints.spatial_base import looked_up as looked_up
 
 LONGEST = 1e300
 """Of a length [m], so that the distance of two points is in float64; a law's rate that is not ends in a status."""
@@ -116,8 +117,8 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
 
 
 def _paths(m: Any) -> list[tuple[str, Constraint]]:
-    groups = (("joint", m.joints), ("driver", m.drivers))
-    return [(f"{kind}[{k}]", c.among(m.joints)) for kind, group in groups for k, c in enumerate(group)]
+    paths = [f"{kind}[{k}]" for kind, group in (("joint", m.joints), ("driver", m.drivers)) for k in range(len(group))]
+    return list(zip(paths, looked_up(m), strict=True))
 
 
 def _no_body(path: str, name: str, known: Iterable[str]) -> Fault:

@@ -16,16 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import accumulate, pairwise
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Rows, Unit
-from refkin.joints.elements import Element, Triple
-from refkin.joints.spatial_bodies import SPACE
+from refkin.joints.base import Constraint, Unit
+from refkin.joints.elements import Triple
+from refkin.joints.spatial_base import BetweenSpatialPoints, Counted, Formed, OfAxes, OfFrames, OfLines, OwnTurn
 from refkin.joints.spatial_elements import (
     AxesParallel,
     AxesPerpendicular,
@@ -36,92 +34,12 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
-from refkin.joints.spatial_frames import across
-from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, SpatialRows, Thread, Turn, blocks_of
-from refkin.vec import Scalar
+from refkin.joints.spatial_rolling import SpatialGear as SpatialGear
+from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, SpatialRows, Thread, Turn
 
-Form = Literal["half", "dot", "printed"]
-Formed = dict[str, SpatialRows]
-"""Terms that say the same by other rows in each form."""
 PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
 ON_AXIS: Formed = dict.fromkeys(("half", "dot"), Guide("fi gi")) | {"printed": Crossed(gap=True)}
 UNTURNED: Formed = {"half": Turn("3"), "dot": Across("fi", "gj"), "printed": Across("fi", "gj")}
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpatialConstraint(Constraint):
-    """A constraint between bodies of space, which says twice what it is: by its formulas, and by its elements.
-
-    Its rows are those of `formulas`, one after another, in its own form. An element of `consists_of` takes what the
-    constraint has by the names of the element's fields. What a driver may move is in `moves`: "angle", "displacement".
-    """
-
-    kind = SPACE
-    formulas: ClassVar[tuple[SpatialRows | Formed, ...]] = ()
-    consists_of: ClassVar[tuple[type[Element], ...]] = ()
-    moves: ClassVar[tuple[str, ...]] = ()
-
-    def __init_subclass__(cls) -> None:
-        for element in cls.consists_of:
-            element.expect_fields(cls)
-
-    @property
-    def terms(self) -> tuple[SpatialRows, ...]:
-        """What the rows consist of, in the constraint's form."""
-        form = getattr(self, "form", "half")
-        return tuple(term[form] if isinstance(term, dict) else term for term in self.formulas)
-
-    @property
-    def rows(self) -> int:
-        return sum(term.rows for term, _ in self._placed)
-
-    @property
-    def independent(self) -> int:
-        return sum(e.rows for e in self.placed_elements) or self.rows
-
-    @cached_property
-    def _placed(self) -> list[tuple[SpatialRows, slice]]:
-        """The terms, and where each one's numbers stand in the geometry."""
-        ends = accumulate((term.size for term in self.terms), initial=0)
-        return [(term, slice(*own)) for term, own in zip(self.terms, pairwise(ends), strict=True)]
-
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        return tuple(number for term in self.terms for number in term.constants(self, unit))
-
-    def elements(self) -> Iterator[Element]:
-        yield from (element.of(self) for element in self.consists_of)
-
-    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return tuple(row for term, own in self._placed for row in term.residual(g[own], f, *at))
-
-    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
-        return blocks_of([row for term, own in self._placed for row in term.jacobian(g[own], f, *at)])
-
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
-        return tuple(row for term, own in self._placed for row in term.nu(g[own], f, *at))
-
-    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return tuple(row for term, own in self._placed for row in term.gamma(g[own], f, *at))
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        """Yield the axes that are zero, and the zeros that are zero or along their axis."""
-        yield from super().faults(path)
-        for body in "ij":
-            axis, zero = (getattr(self, f"{key}_{body}", None) for key in ("axis", "zero"))
-            if axis is not None and not any(axis):
-                yield Fault(f"{path}.axis_{body}", list(axis), "a vector that is not zero")
-            elif axis is not None and zero is not None and not across(axis, zero):
-                yield Fault(f"{path}.zero_{body}", list(zero), "a vector that is not zero and not along the axis")
-
-
-@dataclass(frozen=True, kw_only=True)
-class BetweenSpatialPoints(SpatialConstraint):
-    """What is said of a point of body i and a point of body j, each in the frame of its body [m]."""
-
-    body_i: str
-    point_i: Triple
-    body_j: str
-    point_j: Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,40 +49,6 @@ class Spherical(BetweenSpatialPoints):
     type: Literal["spherical"] = "spherical"
     formulas = (Meet(),)
     consists_of = (PointsMeet,)
-
-
-@dataclass(frozen=True, kw_only=True)
-class OfAxes(SpatialConstraint):
-    """What is said of an axis of body i and one of body j, both directed [any length]."""
-
-    body_i: str
-    axis_i: Triple
-    body_j: str
-    axis_j: Triple
-
-
-@dataclass(frozen=True, kw_only=True)
-class OfFrames(OfAxes):
-    """Axes with a direction across each, `zero`, of which the part across the axis counts; and the form of the rows."""
-
-    zero_i: Triple | None = None
-    zero_j: Triple | None = None
-    form: Form = "half"
-    needs_zeros: ClassVar[bool] = False
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        yield from super().faults(path)
-        for key in ("zero_i", "zero_j"):
-            if self.needs_zeros and getattr(self, key) is None:
-                yield Fault(f"{path}.{key}", None, f"`{key}`, a vector across the axis: a {self.type} joint needs it")
-
-
-@dataclass(frozen=True, kw_only=True)
-class OfLines(OfFrames):
-    """Axes through points."""
-
-    point_i: Triple
-    point_j: Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,6 +91,19 @@ class Cylindrical(OfLines):
 
 
 @dataclass(frozen=True, kw_only=True)
+class CountedRevolute(Counted, SpatialRevolute):
+    """A hinge of which a gear counts the turns."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountedCylindrical(Counted, Cylindrical):
+    """A cylindrical joint of which a gear counts the turns."""
+
+
+SpatialRevolute.counted, Cylindrical.counted = CountedRevolute, CountedCylindrical
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpatialPrismatic(OfLines):
     """A slide: a cylindrical joint that does not turn, its zeros in one direction."""
 
@@ -230,10 +127,10 @@ class SpatialFixed(OfLines):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Screw(OfLines):
+class Screw(OwnTurn, OfLines):
     """A cylindrical joint: h_i . d is `shift` [m] plus `pitch` [m/rad] times the angle from zero i to zero j.
 
-    The angle theta counts turns, so theta / 2 is a coordinate of its own, at first in the turn where estimates lie.
+    The angle counts turns, at first in the turn where estimates lie.
     """
 
     needs_zeros = True
@@ -244,15 +141,8 @@ class Screw(OfLines):
     consists_of = (AxesParallel, PointOnAxis, ScrewMotion)
     moves = ("angle", "displacement")
 
-    @property
-    def parameters(self) -> int:
-        return 1
-
     def reach(self) -> float:
         return max(abs(self.pitch), abs(self.shift))
-
-    def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
-        return ()
 
     def initial_contact(self, rows: Callable[[Any], Any]) -> Any:
         """Return theta / 2 where the row of the thread, which is linear in it, is 0."""
@@ -350,4 +240,5 @@ SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...] = (
     Perpendicular,
     PointOnPlane,
     SpatialPointOnLine,
+    SpatialGear,
 )

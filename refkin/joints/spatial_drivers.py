@@ -14,7 +14,8 @@ from refkin.errors import Fault
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 from refkin.joints.elements import GROUND, Triple, names_of
-from refkin.joints.spatial import SPATIAL_JOINT_TYPES, BetweenSpatialPoints, SpatialConstraint
+from refkin.joints.spatial import SPATIAL_JOINT_TYPES
+from refkin.joints.spatial_base import BetweenSpatialPoints, SpatialConstraint
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
 from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, TurnCount
@@ -48,8 +49,8 @@ class TurnDriver(DriverOfBodies):
     angle = 0.0  # the law's, as below the length
 
     @property
-    def shares(self) -> str:
-        return self.joint if self.form == "counted" else ""
+    def shares(self) -> tuple[str, ...]:
+        return (self.joint,) if self.form == "counted" else ()
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from Driver.faults(self, path)

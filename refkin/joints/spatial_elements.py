@@ -14,6 +14,7 @@ ShiftAlongAxis        d along axis i is that of a law              displacement 
 ScrewMotion           d along axis i is shift + pitch times the    screw
                       angle of `TurnAboutAxis`, turns counted
 SpatialPointDistance  d has a length                               distance and its driver
+GearedTurns           the angles of two joints are in proportion   gear
 ===================== ============================================ ===================================================
 
 d leads from the point of body i to that of body j. Axes are directed and have any length but 0; of a zero, where there
@@ -134,3 +135,26 @@ class SpatialPointDistance(OfPoints):
     squared = True
     spins_about = ("point_i", "point_j")
     length: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearedTurns(Element):
+    """The sum of R (theta - phi0) of two joints is 0, theta the angle of a joint, turns counted; radii [m].
+
+    Bodies i and j are the wheels, each tied to the carrier by its joint, whose numbers stand there.
+    """
+
+    kind = "turns in gear"
+    body_i: str
+    joint_i: str
+    radius_i: float
+    phi0_i: float
+    body_j: str
+    joint_j: str
+    radius_j: float
+    phi0_j: float
+    carrier: str
+
+    @property
+    def key(self) -> str:
+        return self.kind

@@ -51,17 +51,16 @@ def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:
     while reached:
         here = reached.pop()
         for c in at[here]:
-            (other,) = {*c.bodies} - {here} or {here}
             # rows that no element says, None: every spin changes those
             elements: Sequence[Element | None] = c.placed_elements or ((None,) if c.rows else ())
-            if other in lines or all(_blind(e, here, lines[here]) for e in elements):
-                continue
-            there = (_carried(k, here, lines[here]) for k in at[here] if other in k.bodies and other in at)
-            carried = next((line for line in there if line is not None), None)
-            if carried is None:
-                return None
-            lines[other] = carried
-            reached.append(other)
+            blind = all(_blind(e, here, lines[here]) for e in elements)
+            for other in () if blind else (name for name in c.bodies if name not in lines):
+                there = (_carried(k, here, lines[here]) for k in at[here] if other in k.bodies and other in at)
+                carried = next((line for line in there if line is not None), None)
+                if carried is None:
+                    return None
+                lines[other] = carried
+                reached.append(other)
     outer = {getattr(c, "joint", "") or c.name for name in lines for c in at[name] if not lines.keys() >= {*c.bodies}}
     return lines if len(outer) > 1 else None
 
@@ -107,11 +106,10 @@ def _candidates(body: str, at: ByBody) -> Iterator[Line]:
 def _ends(body: str, at: ByBody, seen: set[str]) -> Iterator[tuple[Vec3 | None, Vec3 | None]]:
     """Yield the points and axes by which a body, or one fixed to it, is held, as they lie on it."""
     for c in at[body]:
-        (other,) = {*c.bodies} - {body} or {body}
         rigid = {PointsMeet, TurnAboutAxis} <= {type(e) for e in c.placed_elements}
         if not rigid:
             yield from (_end(e, body) for e in c.placed_elements)
-        elif other in at and other not in seen:
+        elif (other := next(name for name in c.bodies if name != body)) in at and other not in seen:
             seen.add(other)
             for point, axis in _ends(other, at, seen):
                 moved = _carried(c, other, (point or Vec3(0, 0, 0), axis or Vec3(0, 0, 0)))

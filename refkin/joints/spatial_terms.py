@@ -15,6 +15,7 @@ term       rows                              gamma, with ' at constant rates and
 `Angle`    2 (e3 cos s - e0 sin s)           s half an angle: a law's, or a coordinate; 2 sin((theta - 2 s) / 2)
 `Sine`     sin(theta - f)                    the same angle by dot products
 `Thread`   h . d - 2 p s - shift             as for `Guide`; p the pitch, s half the angle, a coordinate
+`InGear`   2 R_i s_i + 2 R_j s_j + ...      0: linear in half angles s, coordinates, as is `TurnCount`, 2 s - f
 `Span`     (d . d - L^2) / 2, over L         -(d' . d' + d . d^), over L
 ========== ================================= =========================================================================
 
@@ -336,6 +337,24 @@ class TurnCount(SpatialRows):
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         return (f[0][2],)
+
+
+class InGear(SpatialRows):
+    """Two turns are in proportion: R_i (2 s_i - phi0_i) + R_j (2 s_j - phi0_j) = 0, s half an angle, a coordinate."""
+
+    size = 4
+
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return c.radius_i / unit.size, c.radius_j / unit.size, c.phi0_i, c.phi0_j
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, carrier: Any, *own: Any) -> Rows:
+        return (g[0] * (2 * own[0].value - g[2]) + g[1] * (2 * own[1].value - g[3]),)
+
+    def jacobian(self, g: Any, f: Any, *at: Any) -> list[Row]:
+        return [(*((0,) * 7,) * 3, (2 * g[0],), (2 * g[1],))]
+
+    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:
+        return (0,)
 
 
 class Sine(SpatialRows):

@@ -20,6 +20,7 @@ from refkin.joints import (
     RackAndPinion,
     Revolute,
     SpatialAngleDriver,
+    SpatialGear,
     SpatialRevolute,
     Triple,
     YDriver,
@@ -145,24 +146,22 @@ def d22(n: Arithmetic, given: Given) -> Values:
     }
 
 
-def _velocities(axis_j: Triple, at_j: Triple, touched: Triple) -> Any:
-    """Return the velocities (2, 3) of two wheels, both turning with 1 rad/s, where they touch; i turns about z."""
-    spun = Polynomial(coefficients=(0.0, 1.0))
+def _in_gear(axis_j: Triple, at_j: Triple, radius_i: float, radius_j: float) -> float:
+    """Return omega_j / omega_i of two wheels in gear; i turns about z, j about an axis through a point."""
     across = (1.0, 0.0, 0.0) if abs(axis_j[0]) < 0.9 else (0.0, 1.0, 0.0)
     axles = (
         _axle("i", GROUND, "wheel i", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
         _axle("j", GROUND, "wheel j", axis_j, across, at_j),
     )
+    mesh = SpatialGear(name="mesh", joint_i="i", radius_i=radius_i, joint_j="j", radius_j=radius_j)
     bodies = (Body(name="wheel i", estimate=STILL), Body(name="wheel j", estimate=(*at_j, 1.0, 0.0, 0.0, 0.0)))
-    places = {"wheel i": touched, "wheel j": tuple(np.subtract(touched, at_j).tolist())}
-    points = tuple(Point(name=f"touch on {body}", body=body, position=place) for body, place in places.items())
-    mechanism = Mechanism(bodies, axles, (_turned_by("i", spun), _turned_by("j", spun)))
-    motion = solve(Scene(mechanism=mechanism, times=(0.0,), points=points))
-    return np.array([motion.points[point.name].v[:, 0] for point in points])  # type: ignore[index]
+    driver = _turned_by("i", Polynomial(coefficients=(0.0, 1.0)))
+    motion = solve(Scene(mechanism=Mechanism(bodies, (*axles, mesh), (driver,)), times=(0.0,)))
+    return float(motion["wheel j"].omega[:, 0] @ axis_j / motion["wheel i"].omega[2, 0])
 
 
 def refkin_d22(n: Binary64, given: Given) -> Values:
-    """The same with gear and rack as joints; bevel and helical ones by velocities where two bodies of space touch."""
+    """The same with gears and rack as joints, in space by the radii at which cones touch, and across the teeth."""
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
     cone_i, cone_j, helix_i, helix_j = numbers(n, given, "cone_i", "cone_j", "helix_i", "helix_j")
     origin = (0.0, 0.0)
@@ -173,18 +172,15 @@ def refkin_d22(n: Binary64, given: Given) -> Values:
     drive = AngleDriver(name="input", body="i", law=Polynomial(coefficients=(turned,)))
     mesh = Gear(name="mesh", body_i="i", radius_i=a_i, body_j="j", radius_j=a_j)
     pair = compile_system(Mechanism((Body(name="i"), Body(name="j")), (*wheels, mesh), (drive,)))
-    # Two cones of one apex do not slide on the line in which they touch; the teeth of two crossed helical gears, which
-    # touch on the x axis and lie at helix_i to the axis, keep up across them.
-    shaft, crossed = cone_i + cone_j, helix_i + helix_j
-    on_cones = (np.sin(cone_i), 0.0, np.cos(cone_i))
-    v, w = _velocities((np.sin(shaft), 0.0, np.cos(shaft)), (0.0, 0.0, 0.0), on_cones)
-    at_teeth = _velocities((0.0, -np.sin(crossed), np.cos(crossed)), (a_i + a_j, 0.0, 0.0), (a_i, 0.0, 0.0))
-    along_i, along_j = at_teeth @ np.array([0.0, np.cos(helix_i), np.sin(helix_i)])
+    shaft, crossed, a = cone_i + cone_j, helix_i + helix_j, a_i + a_j
+    bevel = (np.sin(shaft), 0.0, np.cos(shaft)), (0.0, 0.0, 0.0), np.sin(cone_i), np.sin(cone_j)
+    across_teeth = a_i * np.cos(helix_i), a_j * np.cos(helix_j)
+    helical = (0.0, -np.sin(crossed), np.cos(crossed)), (a, 0.0, 0.0), *across_teeth
     return {
         "spur: theta_j": position(pair, np.zeros(6), 0.0).q[5],
         "rack: travel": _rack(radius, turned),
-        "bevel: omega_j / omega_i": float(v @ w / (w @ w)),
-        "helical: omega_j / omega_i": float(along_i / along_j),
+        "bevel: omega_j / omega_i": _in_gear(*bevel),
+        "helical: omega_j / omega_i": _in_gear(*helical),
     }
 
 

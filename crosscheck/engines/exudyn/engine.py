@@ -104,6 +104,7 @@ CAPABILITIES: Capabilities = {
     "distance of space by a law": _CYLINDER,
     "twist about axis": {**_FROM_AXES, Level.SOLVE: refused(NO_TWIST)},
     "screw": dict.fromkeys(Level, refused("the adapter makes no screw of exudyn's relative coordinates")),
+    "turns in gear": dict.fromkeys(Level, refused("its bodies of space count no turns")),
 }
 
 

@@ -305,9 +305,8 @@ class ExudynSpaceRows(ExudynSpace):
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
         holds = [hold for hold in numbers.holds if hold.name in known]
-        # the driver of a screw counts turns by a coordinate, which the adapter makes none of
-        counted = {hold.name for hold in numbers.holds if hold.kind in COUNTED}
-        drives = [d for d in numbers.drives if d.name in known and d.hold.name not in counted]
+        # the driver of a joint whose turns count has a coordinate for them, which the adapter makes none of
+        drives = [d for d in numbers.drives if d.name in known and d.hold.name not in numbers.counted]
         super().__init__(numbers, holds, drives)
         self.rows: Sequence[RowMap] = tuple(
             RowMap(constraint=line.name, row=line.row, engine_row=k, factor=line.factor, form=line.form)

@@ -76,6 +76,7 @@ _BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force o
 
 _NO_ROW = refused("MuJoCo has no equality of this kind between free bodies in space")
 _UNUSED = refused("a tendon or a weld has such a row in space, by an equality that the adapter does not use")
+_GEARED = derived("a row of the adapter's on two joints of the tree; refused where one of them closes a loop")
 _EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
 
 CAPABILITIES: Capabilities = {
@@ -91,6 +92,7 @@ CAPABILITIES: Capabilities = {
     "axes parallel": native_but(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
     **dict.fromkeys(("turn about axis", "twist about axis"), native_but(solve=_EDGE_OR_ROW)),
     "screw": by_level(_NO_ROW, derived("a slide that the adapter moves with its hinge")),
+    "turns in gear": by_level(_NO_ROW, _GEARED),
     **dict.fromkeys(("axes perpendicular", "point on axis", "point in plane"), by_level(_NO_ROW, _EDGE_OR_ROW)),
     "distance of space": by_level(_UNUSED, _EDGE_OR_ROW),
     "shift along axis by a law": by_level(_NO_ROW, _LAW[Level.SOLVE]),

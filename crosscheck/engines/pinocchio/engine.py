@@ -52,6 +52,7 @@ OWN_ROW = derived("a row of the adapter's, on Pinocchio's motion of points or it
 
 TWO_PAIRS = refused("Pinocchio has no such constraint: a second pair of points stands for it where a loop is closed")
 NO_ROW = refused("Pinocchio has no such constraint in space")
+GEARED = derived("a row of the adapter's on two joints of the tree; refused where one of them closes a loop")
 EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
 
 DRIVEN = (
@@ -67,6 +68,7 @@ CAPABILITIES: Capabilities = {
     "points of space coincide": dict.fromkeys(Level, NATIVE),
     "axes parallel": by_level(TWO_PAIRS, NATIVE),
     "screw": by_level(NO_ROW, NATIVE),
+    "turns in gear": by_level(NO_ROW, GEARED),
     "distance of space": by_level(NO_ROW, EDGE_OR_ROW),
     **dict.fromkeys(
         ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "twist about axis"),

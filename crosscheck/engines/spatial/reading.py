@@ -131,14 +131,31 @@ class Drive:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Wheels:
+    """A gear: radius times turn of two joints, from i to j and turns counted, add up to `sum`; lengths over size."""
+
+    name: str
+    joints: tuple[str, str]
+    radii: tuple[float, float]
+    sum: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Numbers:
-    """A mechanism of space: bodies in their order, joints, drivers; size [m] and origin [m] of the lengths."""
+    """A mechanism of space: bodies in their order, joints, drivers, gears; size [m] and origin [m] of the lengths."""
 
     bodies: tuple[str, ...]
     holds: tuple[Hold, ...]
     drives: tuple[Drive, ...]
+    gears: tuple[Wheels, ...]
     size: float
     origin: Any
+
+    @cached_property
+    def counted(self) -> frozenset[str]:
+        """The joints whose turns count: screws, and those in gear."""
+        screws = (hold.name for hold in self.holds if hold.kind in COUNTED)
+        return frozenset((*screws, *(name for gear in self.gears for name in gear.joints)))
 
     @cached_property
     def passive(self) -> tuple[dict[str, Line], ...]:
@@ -181,20 +198,21 @@ class Given:
 
 
 def given(mechanism: Mechanism) -> Iterator[Given]:
-    """Yield the joints, then the drivers of a mechanism of space, as their elements have them.
+    """Yield the joints, then the drivers of a mechanism of space, as their elements have them; but for gears.
 
     A joint of elements that are together none of `SHAPES` is yielded in parts, the largest that are, then those of
     single elements; what is not known here, or not said by elements, as `OTHER`.
     """
     for constraint in mechanism.constraints:
         elements: list[Any] = list(joints.elements_of([constraint]))
-        for e in elements or [constraint]:
+        of_two = [e for e in elements if not isinstance(e, joints.GearedTurns)]
+        for e in of_two or [constraint] * (not elements):
             if e is constraint or (e.laws and type(e) not in DRIVEN):
                 yield _given(constraint.name, JointKind.OTHER, [e], "")
             elif e.laws:
                 own = constraint.name if len(elements) > 1 else ""  # a joint with a motor
                 yield _given(constraint.name, DRIVEN[type(e)], [e], getattr(constraint, "joint", own))
-        for kind, part in parts([e for e in elements if not e.laws]):
+        for kind, part in parts([e for e in of_two if not e.laws]):
             yield _given(constraint.name, kind, part, "")
 
 
@@ -264,7 +282,17 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
     )
     bodies = tuple(body.name for body in mechanism.bodies)
     holds = tuple(hold for _, hold in whole)
-    return Numbers(bodies=bodies, holds=holds, drives=drives, size=unit.size, origin=origin)
+    gears = tuple(
+        Wheels(
+            name=e.name,
+            joints=(e.joint_i, e.joint_j),
+            radii=(e.radius_i / unit.size, e.radius_j / unit.size),
+            sum=(e.radius_i * e.phi0_i + e.radius_j * e.phi0_j) / unit.size,
+        )
+        for e in joints.elements_of(mechanism.constraints)
+        if isinstance(e, joints.GearedTurns)
+    )
+    return Numbers(bodies=bodies, holds=holds, drives=drives, gears=gears, size=unit.size, origin=origin)
 
 
 def _moved(driver: Given, holds: Sequence[tuple[Given, Hold]]) -> Iterator[Hold]:

@@ -17,6 +17,7 @@ screw               f_i . h_j, g_i . h_j, f_i . d, g_i . d, h_i . d less what th
 orientation         f_i . h_j, g_i . h_j, f_i . g_j
 twist               the angle of the turn about h
 distance            (d . d - L^2) / (2 L)
+gear                the sum of radius times turn of two joints of the tree
 =================== =====================================================================
 """
 
@@ -122,11 +123,12 @@ class SpaceSystem(Equations):
         first = [next(iter(spin.items())) for spin in tree.numbers.passive]
         self._spins = [(tree.numbers.bodies.index(body), line) for body, (_, line) in first]
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
+        self._gears = [([*map(tree.turn_of, g.joints)], np.array(g.radii), g.sum) for g in tree.numbers.gears]
         self.laws = [drive.law for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)
         self._last: tuple[Array, State] | None = None
         self.own = 3 * len(self.pairs)
-        self._held = self.own + len(self._rows) + len(self._spins) + len(tree.balls)
+        self._held = self.own + len(self._rows) + len(self._spins) + len(tree.balls) + len(self._gears)
 
     def _place(self, body: str, u: Any, axes: Any) -> int:
         self.places.append(Place(body, u, axes))
@@ -167,18 +169,26 @@ class SpaceSystem(Equations):
             return turned(i, j) if drive.kind == JointKind.ANGLE else _along(i, H, j)
         if edge.kind == JointKind.SCREW and drive.kind != JointKind.ANGLE:
             return edge.first, edge.pitch, edge.shift
-        column = edge.first + (1 if edge.kind == JointKind.CYLINDRICAL and drive.kind == JointKind.ANGLE else 0)
-        return column, 1.0, 0.0
+        return (self.tree.turn_of(edge.hold) if drive.kind == JointKind.ANGLE else edge.first), 1.0, 0.0
 
     def start(self, t: float) -> Array:
-        """Return the coordinates nearest the estimates; driven angles get the whole turns that their laws have.
+        """Return the coordinates nearest the estimates; driven angles get the whole turns that laws and gears have.
 
         An estimate says nothing of turns, and Newton's method would turn the whole mechanism to make up for them.
         """
         q = self.tree.start()
+        known = {edge.first for edge in self.tree.edges if edge.kind == JointKind.SCREW}
         for drive, law, what in self._driven:
             if drive.kind == JointKind.ANGLE and drive.hold.kind != JointKind.SCREW and not callable(what):
                 q[what[0]] += math.tau * round((law(t, 0) - q[what[0]]) / math.tau)
+                known.add(what[0])
+        waiting = list(self._gears)
+        while waiting:  # from wheel to wheel
+            columns, radii, total = gear = min(waiting, key=lambda gear: len({*gear[0]} - known))
+            waiting = [other for other in waiting if other is not gear]
+            for column, radius in [pair for pair in zip(columns, radii, strict=True) if pair[0] not in known][-1:]:
+                q[column] += math.tau * round((total - radii @ q[columns]) / (math.tau * radius))
+            known.update(columns)
         return q
 
     # rows
@@ -193,7 +203,7 @@ class SpaceSystem(Equations):
         state, columns = self._still(q), self.tree.rates(q)
         residual = np.zeros((len(t), self._held + len(self._driven)))
         jacobian = np.zeros((*residual.shape, self.tree.width))
-        slopes = np.empty((len(t), self._held - len(self.tree.balls), columns.shape[1]))
+        slopes = np.empty((len(t), len(self._rows) + self.own + len(self._spins), columns.shape[1]))
         residual[:, : self.own] = state.gap.reshape(len(t), self.own)
         slopes[:, : self.own] = state.gap_jac.reshape(len(t), self.own, columns.shape[1])
         k = self.own
@@ -206,6 +216,9 @@ class SpaceSystem(Equations):
         np.matmul(slopes, columns, out=jacobian[:, :k])
         for ball in self.tree.balls:
             residual[:, k], jacobian[:, k, ball] = 0.5 * (_dots(q[:, ball], q[:, ball]) - 1.0), q[:, ball]
+            k += 1
+        for turns, radii, total in self._gears:
+            residual[:, k], jacobian[:, k, turns] = q[:, turns] @ radii - total, radii
             k += 1
         for drive, tabulated, what in self._driven:
             f = tabulated(t, 0) / drive.size
@@ -240,6 +253,8 @@ class SpaceSystem(Equations):
         for ball in self.tree.balls:
             right[:, k] = -_dots(qd[:, ball], qd[:, ball])
             k += 1
+        right[:, k : self._held] = 0.0  # gears
+        k = self._held
         for drive, tabulated, what in self._driven:
             f, fd, fdd = (tabulated(t, order) / drive.size for order in range(3))
             right[:, k] = what(state, (f, fd, fdd))[0] if callable(what) else fdd

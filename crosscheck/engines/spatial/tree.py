@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineError
+from crosscheck.engines import Array, EngineError, EngineRefusal
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import MOVED, Drive, Hold, Numbers
 from crosscheck.engines.spatial.turning import about_z, body_columns, matrix, parameters
@@ -38,7 +38,7 @@ PREFERENCE = (
     JointKind.REVOLUTE,
     JointKind.SPHERICAL,
 )
-"""Which joints become edges first; those that a driver moves come before all of them."""
+"""Which joints become edges first; those that a driver moves, or whose turns count, come before all of them."""
 QUARTER = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """What leads from the first axis of a universal joint to the second: z becomes x."""
 OVER = np.diag([1.0, -1.0, -1.0])
@@ -104,6 +104,13 @@ class SpaceTree:
         """Return the edge that a driver moves, if its joint has become one."""
         edges = (edge for edge in self.edges if (edge.hold, edge.kind) == (drive.hold.name, drive.hold.kind))
         return next((edge for edge in edges if edge.kind in MOVED.get(drive.kind, ())), None)
+
+    def turn_of(self, joint: str) -> int:
+        """Return the coordinate that is the turn of a joint; EngineRefusal if the joint is none of the tree."""
+        for edge in self.edges:
+            if edge.hold == joint and edge.kind in MOVED[JointKind.ANGLE]:
+                return edge.first + (edge.kind == JointKind.CYLINDRICAL)
+        raise EngineRefusal(f"a gear counts the turns of {joint!r}, which closes a loop: only those of a tree count")
 
     def rates(self, q: Array) -> Array:
         """Return the matrices (..., v, n) that make rates of joints, turns in the body's own axes, of q' (..., n)."""
@@ -177,7 +184,7 @@ def _about_z(rotation: Any) -> float:
 
 def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
     """Return the tree of a mechanism."""
-    driven = {drive.hold.name for drive in numbers.drives}
+    driven = {drive.hold.name for drive in numbers.drives} | numbers.counted
     order = sorted(
         (hold for hold in numbers.holds if hold.kind in PREFERENCE),
         key=lambda hold: (hold.name not in driven, PREFERENCE.index(hold.kind)),

@@ -18,6 +18,7 @@ from refkin.joints import (
     SpatialDistance,
     SpatialDistanceDriver,
     SpatialFixed,
+    SpatialGear,
     SpatialPointOnLine,
     SpatialPrismatic,
     SpatialRevolute,
@@ -55,6 +56,10 @@ def joints(bodies: dict[str, str]) -> list[Constraint]:
         lines["form"] = form
         rows += [SpatialRevolute(**lines), Cylindrical(**lines), SpatialPrismatic(**lines), SpatialFixed(**lines)]
         rows += [Screw(**lines, pitch=0.3, shift=0.7), Parallel(**axes, **ZEROS, form=form)]
+        gear = SpatialGear(name="g", joint_i="c", radius_i=0.4, joint_j="e", radius_j=-1.1, phi0_i=0.3, phi0_j=-0.7)
+        other = Cylindrical(**lines | {"name": "e", "body_i": "ground", "body_j": "a"})
+        turning = [SpatialRevolute(**lines), other, gear]
+        rows += [joint.among(turning) for joint in turning]
     return rows
 
 
@@ -84,7 +89,7 @@ def alone(constraint: Constraint, unit: Unit | None = None) -> System:
     for key, value in {"bodies": (Body(name="a"), Body(name="b")), "joints": (held, constraint), "drivers": ()}.items():
         object.__setattr__(mechanism, key, value)
     starts: dict[str, int | None] = {"ground": None, "a": 0, "b": 7}
-    own = (14,) if constraint.parameters or constraint.shares else ()
+    own = range(14, 14 + constraint.parameters + len(constraint.shares))
     where = (*(starts[body] for body in constraint.bodies), *own)
     placed = ConstraintRows(constraint, constraint.constants(unit), 0, where)
     return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows, mechanism.kind)

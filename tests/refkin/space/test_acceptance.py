@@ -61,7 +61,7 @@ def test_a_broken_file_of_space_gets_all_its_faults_at_once(tmp_path):
     broken = {
         "estimate = [0.92, 0.39, 0.0, 0.7, 0.42, -0.57, 0.11]": "estimate = [0.92, 0.39, 0.0, 0.0, 0.0, 0.0, 0.0]",
         "zero_i = [1.0, 0.0, 0.0]": "zero_i = [0.0, 0.0, 2.0]",
-        'type = "spherical"\nbody_i = "crank"': 'type = "gear"\nbody_i = "crank"',
+        'type = "spherical"\nbody_i = "crank"': 'type = "cam"\nbody_i = "crank"',
         "point_j = [2.0, 0.0, 0.0]": "point_j = [2.0, 0.0]",
         "axis_i = [0.25, 1.0, 0.125]": "axis_i = [0.0, 0.0, 0.0]",
     }
