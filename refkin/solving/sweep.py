@@ -120,7 +120,7 @@ class Sweep(Steps):
         self.singular = self.singular or (nearly and sigma_min(self.system.phi_q(q, t)) <= SINGULAR)
         laws = [law for c in self.system.mechanism.constraints for law in c.laws]
         if sum(law(t) != law(target) or bool(extrema(law, t, target)) for law in laws) > 1:
-            self.step = PART * (target - t)
+            self.step = max(PART * (target - t), self._smallest(target))
 
     def _is_alone(self) -> bool:
         """Whether the last pose is proved to be the only one near, unless that is beyond doubt."""

@@ -274,6 +274,14 @@ def test_where_two_laws_move_the_first_step_is_a_part_of_the_way(law):
     assert sweep.step == (math.inf if len(law) == 1 else 0.0625)
 
 
+@pytest.mark.parametrize("digits", [2, 4])
+def test_where_two_laws_move_the_first_step_is_a_digit_of_the_time_at_least(digits):
+    law = Polynomial(coefficients=(0.5, 1.0))
+    scene = beside_a_wheel(ROCKER.scene(law=law, times=(0.25, 0.25 + digits * math.ulp(0.25), 0.5)), law)
+
+    assert refkin.solve(scene).verdict is Status.OK
+
+
 @pytest.mark.parametrize("proving", [True, False])
 def test_from_a_singular_first_pose_no_step_is_taken(proving):
     sweep = started(Polynomial(coefficients=(0.0, 1.0)), PARALLELOGRAM, proving=proving)
