@@ -96,6 +96,11 @@ class Sinusoid(_Everywhere):
         lobe = cosine_and_sine(half * t)[1] * (1.0 / half) if rows or half else t
         return self.offset * t + self.amplitude * cosine_and_sine(half * t + self.phase)[1] * lobe
 
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield a frequency so small that its reciprocal, a factor of the integral, is no number."""
+        if self.angular_frequency and math.isinf(2.0 / self.angular_frequency):
+            yield Fault(f"{path}.angular_frequency", self.angular_frequency, "0, or a frequency of at least 2e-308")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:

@@ -73,6 +73,7 @@ body = "coupler"
 position = [0.3, 0.2]
 """
 GOOD = tomllib.loads(TEXT)
+SLOW = {"kind": "sinusoid", "amplitude": 1.0, "angular_frequency": -5e-324}
 TABLE = {"kind": "table", "argument": [0.0, 1.0], "value": [0.0, 1.0]}
 
 
@@ -157,6 +158,7 @@ BROKEN = {
     "initial beside a law": (put("driver", 0, "initial", 1.0), "driver[0].initial: "),
     "unknown law": (put("driver", 0, "law", "kind", "poly"), "driver[0].law.kind: "),
     "no coefficients": (put("driver", 0, "law", "coefficients", []), "driver[0].law.coefficients: "),
+    "a wave too slow to be integrated": (put("driver", 0, "law", SLOW), "driver[0].law.angular_frequency: expected 0"),
     "table too short": (put("driver", 0, "law", {**TABLE, "argument": [0.0, 0.5]}), "driver[0].law.argument: "),
     "table backwards": (put("driver", 0, "law", {**TABLE, "argument": [1.0, 0.0]}), "driver[0].law.argument: "),
     "table uneven": (put("driver", 0, "law", {**TABLE, "value": [0.0]}), "driver[0].law.value: "),
