@@ -76,7 +76,7 @@ class Enclosure:
             if order > 1:
                 rates.append(root.acceleration(rates[0]))
             sizes = [max(abs(float(x)) for x in balls) for balls in rates]
-            sizes[1:] = [max(size, sizes[0] ** 2) for size in sizes[1:]]
+            sizes[1:] = [max(size, sizes[0] * sizes[0]) for size in sizes[1:]]
             if all(float(x.rad()) <= DIGITS * size for balls, size in zip(rates, sizes, strict=True) for x in balls):
                 return root, rates, True
         return root, rates, False
