@@ -250,3 +250,18 @@ def test_trial_angles_lie_within_a_turn_and_contacts_on_the_profile():
     assert (np.abs(trials[:, 0]) <= math.pi).all()
     assert ((trials[:, 1] >= 0.5) & (trials[:, 1] <= 1.5)).all()
     assert (np.ptp(trials, axis=0) > 0.9 * np.array([math.tau, 1.0])).all()
+
+
+@pytest.mark.parametrize(("estimate", "contact"), [(None, 1.604), (-39.26, -39.260)])
+def test_of_a_spiral_only_contacts_within_two_turns_are_looked_for(estimate, contact):
+    """Six turns back its distance is negative, and a lever touches it nearer to where it is estimated."""
+    spiral = Polar(law=Polynomial(coefficients=(1.0, 0.05)))
+    ends = {"body_i": "cam", "point_i": (0.0, 0.0), "body_j": "lever", "point_j": (-1.8, 0.0)}
+    touch = Cam(name="touch", **ends, profile=spiral, follower="point", contact_estimate=estimate)
+    bodies = (Body(name="cam", estimate=(0.0, 0.0, 0.0)), Body(name="lever", estimate=(2.0, 1.0, 0.0)))
+    turned = turning("cam", Polynomial(coefficients=(-0.2205592722708484,)))
+    m = Mechanism(bodies, (pin("cam"), pin("lever", at=(2.0, 1.0)), touch), (turned,))
+    motion = refkin.solve(Scene(mechanism=m, times=(0.0,)))
+
+    assert motion.verdict == "ok"
+    assert motion.contacts["touch"].s[0] == pytest.approx(contact, abs=1e-3)

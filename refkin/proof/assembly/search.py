@@ -223,11 +223,18 @@ class Search:
                 q = refined(self.system, start, self.t)
                 self.failures = self.failures + 1 if q is None else 0
                 q = None if q is None else self._without_turns(q)
-                if q is not None and all(np.max(np.abs(q - other.q)) > SAME for other in self.known):
+                if q is not None and self._is_new(q):
                     self.known.append(self._proved(q))
                 if self.exhausted or self.failures >= MOST_FAILURES:
                     self.failures = 0
                     return
+
+    def _is_new(self, q: Array) -> bool:
+        """Whether a pose is no known one, and its contacts lie where they are looked for, or the scene says where."""
+        sought = [cam for cam in polar_cams(self.system.mechanism.joints) if cam.contact_estimate is None]
+        contacts = [(cam.span, q[self.system.parameter(cam.name)]) for cam in sought if not cam.profile.closed]
+        there = all(low - SAME <= s <= high + SAME for (low, high), (s,) in contacts)
+        return there and all(np.max(np.abs(q - other.q)) > SAME for other in self.known)
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
         turned, contacts = angles[: len(self.turned)], angles[len(self.turned) :]
