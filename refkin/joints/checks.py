@@ -9,7 +9,7 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import cache
 from operator import ge
 from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -136,7 +136,7 @@ def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> 
 
 
 def _type_faults(path: str, item: Any) -> Iterator[Fault]:
-    """Yield what holds no number, or not as many as its annotation says, in a dataclass or a row of them."""
+    """Yield what holds no number, not as many, or no word of those that its annotation says, in a dataclass or rows."""
     kind, one, _ = path.partition("[")
     known = isinstance(item, Constraint) + isinstance(item, Driver)  # a driver is a constraint, and no joint
     of_kind = "." in path or known == {"joint": 1, "driver": 2}.get(kind, 0)
@@ -148,10 +148,13 @@ def _type_faults(path: str, item: Any) -> Iterator[Fault]:
     else:
         for key in fields(item):
             x, count = getattr(item, key.name), _counts(item.__class__).get(key.name, 0)
+            words = _words(item.__class__).get(key.name, (x,))
             row = (x,) if count == 1 else x
             held = isinstance(row, tuple) and all(map(_is_number, row)) and not len(row) != count > 0
             if _is_instance(x):
                 yield from _type_faults(f"{path}.{key.name}", x)
+            elif x not in words:
+                yield Fault(f"{path}.{key.name}", x, " or ".join(map(repr, words)))
             elif count and not held and (x is not None or key.default is MISSING):
                 expected = {1: "a number", -1: "a row of numbers"}.get(count, f"a row of {count} numbers")
                 yield Fault(f"{path}.{key.name}", x, expected)
@@ -176,6 +179,14 @@ def _counts(kind: Any) -> dict[str, int]:
             if all(part in (float, int, ...) for part in parts):
                 counts[name] = -1 if ... in parts else len(parts)
     return counts
+
+
+@cache
+def _words(kind: Any) -> dict[str, tuple[str, ...]]:
+    """Return the words of which each field of a dataclass is one, by fields; nothing of annotations unknown here."""
+    with suppress(NameError, TypeError):
+        return {name: get_args(hint) for name, hint in get_type_hints(kind).items() if get_origin(hint) is Literal}
+    return {}
 
 
 def _finite_faults(path: str, item: Any) -> Iterator[Fault]:

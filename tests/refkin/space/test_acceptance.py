@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,23 @@ def test_a_driver_of_a_joint_that_does_not_turn_is_refused(tmp_path):
 
     with pytest.raises(refkin.InvalidScene, match="a joint of the scene that is revolute or cylindrical or screw"):
         refkin.load(tmp_path / "broken.toml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "word", "known"),
+    [
+        ("joints", 0, {"form": "cross"}, "joint[0].form: expected 'half' or 'dot' or 'printed', got 'cross'"),
+        ("joints", 1, {"type": "fixed"}, "joint[1].type: expected 'spherical', got 'fixed'"),
+        ("drivers", 0, {"form": "printed"}, "driver[0].form: expected 'half' or 'dot', got 'printed'"),
+    ],
+)
+def test_a_word_that_a_joint_does_not_know_is_a_fault_of_a_program_too(kind, place, word, known):
+    mechanism = refkin.load(EXAMPLE).mechanism
+    parts = list(getattr(mechanism, kind))
+    parts[place] = replace(parts[place], **word)
+
+    with pytest.raises(refkin.InvalidScene, match=re.escape(known)):
+        replace(mechanism, **{kind: tuple(parts)})
 
 
 def test_answers_for_programs_have_all_rates_of_a_body_of_space(command):
