@@ -13,7 +13,8 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene, expect
 from refkin.joints import GROUND, Constraint, Driver, Kind, Unit, with_unit_length
-from refkin.joints.checks import kind_of, looked_up, mechanism_faults, plain, scene_faults
+from refkin.joints.annotations import plain
+from refkin.joints.checks import kind_of, looked_up, mechanism_faults, scene_faults
 from refkin.motion_laws import STRICT
 
 

@@ -59,11 +59,11 @@ def test_nothing_in_a_package_imports_its_face(package):
 
 
 LATER = {
-    *("cams.py", "contact_kinematics.py", "own_coordinates.py"),
+    *("cams.py", "contact_kinematics.py", "own_coordinates.py", "annotations.py"),
     *("elements.py", "spatial_elements.py", "spatial_passive.py"),
 }
-"""Cams, and what joints count, are a chapter that may be left for another day; elements, and what is found of them
-alone, serve who solves no formula."""
+"""Cams, and what joints count, are a chapter that may be left for another day, as are types of fields; elements, and
+what is found of them alone, serve who solves no formula."""
 
 
 SECTION = re.compile(r"^ +Parameters\n +-+\n.*?(?=\n *\n|\n *\"\"\")", re.DOTALL | re.MULTILINE)
@@ -81,8 +81,8 @@ def test_the_reference_is_read_in_one_sitting():
     joints = [path for path in sources("refkin/joints") if path.name not in LATER]
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
-    assert lines(spine) <= 1193
-    assert lines(spine) + lines(joints) - lines(of_space) <= 2000
+    assert lines(spine) <= 1198
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1942
     assert lines(of_space) <= 1093  # the second chapter that may be left for another day: bodies of space
 
 
@@ -90,8 +90,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 61_399
-    assert size["tests"] <= 49_240
+    assert size["refkin"] + size["crosscheck"] <= 61_436
+    assert size["tests"] <= 49_300
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -220,7 +220,7 @@ PLANTED_IN_SPACE = {
     "pitch": (put("joint", 1, "pitch", 0.0), "joint[1].pitch"),
     "unknown body": (put("joint", 1, "body_j", "nobody"), "joint[1].body_j"),
     "joint that there is not": (put("driver", 0, "joint", "X"), "driver[0].joint"),
-    "planar type": (put("joint", 2, "type", "gear"), "joint[2].type"),
+    "planar type": (put("joint", 2, "type", "cam"), "joint[2].type"),
 }
 HINGE = {"point_i": [0.0, 0.0, 0.0], "axis_i": [0.0, 0.0, 1.0], "zero_i": [1.0, 0.0, 0.0]}
 HINGE |= {"point_j": [0.0, 0.0, 0.0], "axis_j": [0.0, 0.0, 1.0], "zero_j": [1.0, 0.0, 0.0]}

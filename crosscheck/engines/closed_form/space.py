@@ -42,7 +42,7 @@ from crosscheck.engines.closed_form.space_vectors import (
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import AXIAL, MEETING, Given, given, numbers_of
 from crosscheck.engines.spatial.turning import matrix
-from refkin.joints import GROUND
+from refkin.joints import GROUND, GearedTurns, elements_of
 from refkin.model import Scene
 
 ALIKE = 1e-10
@@ -132,7 +132,22 @@ class SpatialAssembly:
         if strange:
             raise NotPlaced(f"{strange[0]}: no equations here for the elements that it consists of, taken together")
         laws: dict[tuple[str, str], Jet] = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
+        self._turn_in_gear(laws)
         return [self._pair(g, laws) for g in conditions if not g.joint]
+
+    def _turn_in_gear(self, laws: dict[tuple[str, str], Jet]) -> None:
+        """Add the angles of joints in gear, each from that of the other joint, to those that drivers prescribe."""
+        waiting = [e for e in elements_of(self.scene.mechanism.constraints) if isinstance(e, GearedTurns)]
+        while waiting:
+            ends = [((e.joint_i, e.radius_i, e.phi0_i), (e.joint_j, e.radius_j, e.phi0_j)) for e in waiting]
+            known = [[(name, JointKind.ANGLE) in laws for name, *_ in pair] for pair in ends]
+            k = next((k for k, which in enumerate(known) if any(which)), None)
+            if k is None or all(known[k]):
+                raise NotPlaced(f"{waiting[k or 0].name}: not one of two angles in gear is known, but none or both")
+            (name, radius, zero), (other, of_other, its_zero) = ends[k] if known[k][0] else ends[k][::-1]
+            turned = (laws[name, JointKind.ANGLE] - self.number(zero)) * self.number(radius) / self.number(of_other)
+            laws[other, JointKind.ANGLE] = self.number(its_zero) - turned
+            del waiting[k]
 
     def _law(self, g: Given) -> Jet:
         jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)

@@ -243,7 +243,7 @@ class _Moves:
         return far
 
     def farthest(self) -> list[Any]:
-        """Return the largest distance of a choice that serves as well, (B,) for each level; NaN if the first has none."""
+        """Return the largest distance of a choice that serves as well, (B,) for each level; NaN of no inverse."""
         _, d, n = self.factors.shape
         own, limit = np.linalg.norm(self.inverse, axis=(1, 2)), self.limit
         gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [0.0 * own for _ in self.moved]

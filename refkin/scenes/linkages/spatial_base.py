@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from refkin.errors import Fault
 from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
-from refkin.joints.checks import plain
+from refkin.joints.annotations import plain
 from refkin.joints.spatial_base import Form
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
