@@ -109,6 +109,8 @@ class Comparison:
 
     At `missing` times, the first of them `first_missing` [s], the reference is ok and the other answer is not;
     `compared` were held against a budget. At the times `elsewhere` (T,) it closes the linkage, but on another branch.
+    `silences` has of each stretch without a right position in which an answer is missing the last time [s] before it
+    that has one, or the first time of all, and the first missing one.
     """
 
     quantities: Mapping[str, QuantityComparison]
@@ -116,6 +118,7 @@ class Comparison:
     compared: int
     elsewhere: Any
     first_missing: float = np.inf
+    silences: Sequence[tuple[float, float]] = ()
 
     @property
     def other_assembly(self) -> bool:
@@ -175,10 +178,24 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     answered, ok = times_with(motion, Status.OK), times_with(ref.motion, Status.OK)
     samples = budget.compared[at] & answered
     compared = _judge(ref, motion, budget, samples, at)
-    missing = np.flatnonzero(ok[at] & ~answered)
-    first = float(motion.t[missing[0]]) if missing.size else np.inf
+    missing = ok[at] & ~answered
+    right = compared["position"].ratio <= 1.0 if "position" in compared else np.zeros(len(missing), bool)
+    silences = _silences(motion.t, missing, right)
+    first = silences[0][1] if silences else np.inf
     other = _elsewhere(ref, motion, compared, at)
-    return Comparison(compared, len(missing), int(samples.sum()), other, first)
+    return Comparison(compared, int(missing.sum()), int(samples.sum()), other, first, silences)
+
+
+def _silences(t: Any, missing: Any, right: Any) -> list[tuple[float, float]]:
+    """Return where answers are missing, as `Comparison.silences` has it."""
+    silences, since, silent = list[tuple[float, float]](), float(t[0]), False
+    for time, nothing, known in zip(t.tolist(), missing, right, strict=True):
+        if known:
+            since, silent = time, False
+        elif nothing and not silent:
+            silences.append((since, time))
+            silent = True
+    return silences
 
 
 def uncompared(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Any:

@@ -8,7 +8,7 @@ documentation, which stands here and not in the adapter, and is granted up to wh
 
 A missing answer is excused where the motion comes near to a singular pose between the times of a scene: an engine that
 steps from time to time has to pass it, and there the other branch is close. What excuses it is a certified pose of the
-reference, not a guess.
+reference, not a guess. Who is right after that pose has passed it: it excuses nothing later.
 """
 
 from __future__ import annotations
@@ -245,11 +245,11 @@ FALLS = 2.0
 """How many times a minimum a neighbour is, at least, where sigma_min may pass zero beside it: three if straight."""
 
 
-def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] | None:
-    """Return (time, sigma_min) of a pose as near to singular as `enough` that is met no later than a time, or None.
+def excuse(ref: Reference, first: float, enough: float, since: float = -np.inf) -> tuple[float, float] | None:
+    """Return (time, sigma_min) of a pose as near to singular as `enough` that is met between two times, or None.
 
     Who gives no answer from `first` [s] on is excused by such a pose, at one of the times or between two: the branch
-    may have been lost there. What comes later is none of its business.
+    may have been lost there. What comes later is none of its business, nor what it had passed at `since`.
 
     Parameters
     ----------
@@ -258,13 +258,17 @@ def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] |
         Up to when [s].
     enough : float
         The largest sigma_min that excuses.
+    since : float
+        When its position was right last [s].
     """
     times = ref.motion.t
-    asked = times <= first
+    asked = (times >= since) & (times <= first)
     near = np.flatnonzero(asked & (ref.sigma_min <= enough))
     if near.size:
         return float(times[near[0]]), float(ref.sigma_min[near[0]])
-    return singular_between(replace(ref.scene, times=tuple(times[asked].tolist())), enough)
+    begun, given = int(np.argmax(asked)), tuple(times[asked].tolist())
+    scene = begun_at(ref.scene, ref.motion, begun, given) if begun else replace(ref.scene, times=given)
+    return singular_between(scene, enough)
 
 
 def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:

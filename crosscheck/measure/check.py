@@ -138,7 +138,7 @@ class _Subject:
     as_expected: bool
     uses: frozenset[Use] = frozenset({Use.COMPARE})
     excuse: tuple[float, float] | None = None
-    poses: dict[float, tuple[float, float] | None] = field(default_factory=dict)
+    poses: dict[tuple[float, float], tuple[float, float] | None] = field(default_factory=dict)
 
     @cached_property
     def copy(self) -> Scene:
@@ -173,11 +173,14 @@ class _Subject:
         """What the certificate proves of every time."""
         return scene_truths(self.ref)
 
-    def excused(self, first: float) -> bool:
-        """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted as `excuse`."""
-        if first not in self.poses:
-            self.poses[first] = excuse(self.ref, first, REGULAR)
-        pose = self.poses[first]
+    def excused(self, since: float, first: float) -> bool:
+        """Whether an engine, right until a time, may give no answer from another on; noted as `excuse`.
+
+        It may because of a nearly singular pose between the two.
+        """
+        if (since, first) not in self.poses:
+            self.poses[since, first] = excuse(self.ref, first, REGULAR, since)
+        pose = self.poses[since, first]
         self.excuse = pose or self.excuse
         return pose is not None
 
@@ -310,7 +313,7 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
     ref, scene, engine, motion = subject.ref, subject.scene, part.engine, told.motion
     if isinstance(motion, EngineError):
         part.refusals.append(RefusalRow(engine=engine, reason=str(motion)))
-        if not _is_refusal(motion, scene) and not subject.excused(ref.motion.t[-1]):
+        if not _is_refusal(motion, scene) and not subject.excused(*ref.motion.t[[0, -1]]):
             part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(motion)))
         return
     terms, faults = granted(engine, scene, told.terms)
@@ -362,7 +365,7 @@ def _disagreements(
             kind = Cause.NO_NUMBER if np.isinf(q.error).any() else Cause.ORDER
             yield {**wrong(quantity, kind), "ratio": largest_ratio(q.ratio), "at": q.worst}
     for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
-        if answered is not None and answered.missing and not subject.excused(answered.first_missing):
+        if answered is not None and not all(subject.excused(*silence) for silence in answered.silences):
             yield wrong("status", kind, f"{answered.missing} times without answer")
             return
 
@@ -384,7 +387,8 @@ def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term
     ref, fewer = subject.ref, subject.turned_round
     if motion is None or any(misshapen(fewer, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
-        return Comparison(nothing, len(fewer.times), 0, np.zeros(0, bool), float(ref.motion.t[-1]))
+        whole = (float(ref.motion.t[0]), float(ref.motion.t[-1]))
+        return Comparison(nothing, len(fewer.times), 0, np.zeros(0, bool), whole[1], [whole])
     return compare(ref, motion, terms, slice(len(fewer.times)))
 
 

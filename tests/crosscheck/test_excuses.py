@@ -81,7 +81,31 @@ def test_a_minimum_is_narrowed_as_long_as_it_may_be_the_side_of_a_smaller_one(fl
 @pytest.mark.parametrize(("scene", "blamed"), [(PASSED, set()), (REGULAR_MOTION, {"no answer"})])
 def test_no_answer_is_a_fault_but_where_the_motion_all_but_meets_a_singular_pose(scene, blamed):
     assert kinds(scene, Mute()) == blamed
-    assert kinds(scene, Short()) == blamed
+    assert kinds(scene, Short()) == {"no answer"}
+
+
+class Silent(ClosedForm):
+    """An engine without an answer at some of the times."""
+
+    name = "silent"
+
+    def __init__(self, at):
+        self.at = at
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        silent = np.isin(np.arange(len(motion.t)), self.at)
+        status = tuple(Status.NOT_CONVERGED if none else Status.OK for none in silent)
+        q, qd, qdd = (np.where(silent, np.nan, level) for level in motion.levels)
+        return replace(motion, status=status, q=q, qd=qd, qdd=qdd, producer=replace(motion.producer, name=self.name))
+
+
+@pytest.mark.parametrize(
+    ("at", "blamed"), [(range(1, 10), set()), ((1, 2, 5), {"no answer"}), ((1, 2), set()), ((2,), {"no answer"})]
+)
+def test_who_is_right_after_a_nearly_singular_pose_is_not_excused_by_it_later(at, blamed):
+    """It is passed before the second time."""
+    assert kinds(PASSED, Silent(at)) == blamed
 
 
 @pytest.mark.parametrize(("longer", "sigma", "blamed"), [(1.7e-7, 0.95e-4, set()), (2.1e-7, 1.06e-4, {"no answer"})])
