@@ -74,6 +74,10 @@ def without_answers_from(k: int):
     return spoil
 
 
+def by_another(motion, **other):
+    return replace(motion, producer=replace(motion.producer, **other))
+
+
 def test_an_engine_that_is_right_owes_nothing():
     assert found(Wrapped()) == set()
 
@@ -97,6 +101,11 @@ def test_an_engine_that_is_right_owes_nothing():
         (
             lambda motion: replace(motion, producer=None),
             "expected a refkin.motion.Producer with a printable version and a Route, got None",
+        ),
+        (lambda motion: by_another(motion, name="exudyn"), "producer.name: expected 'wrapped', got 'exudyn'"),
+        (
+            lambda motion: by_another(motion, route=replace(motion.producer.route, newton_by="exudyn")),
+            "producer.route.newton_by: expected 'none', got 'exudyn'",
         ),
     ],
 )
