@@ -60,7 +60,8 @@ def nightly(
     """Draw scenes, check them on all engines, write a report.
 
     Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran, 130 interrupted.
-    A run that was killed or interrupted is continued by the same command, with the same source and versions.
+    A run that was killed or interrupted is continued by the same command, with the same source, versions and
+    engine files.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ from crosscheck.scenes.drawing import draw, is_chain, numbers_of, shortened, tur
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
-from crosscheck.workers.source import SOURCE, digest
+from crosscheck.workers.source import SOURCE, digest, files_of
 from crosscheck.workers.timing import machine
 from refkin.scenes.files import to_dict
 
@@ -100,14 +100,15 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
     outcome.checked = len(journal.keys)
     made: dict[str, Any] = {"count": plan.workers, "engines": outcome.engines, "seconds": plan.scene_seconds}
     if plan.cluster is not None:
-        versions = {SOURCE: digest(), **outcome.versions}
+        versions = {SOURCE: digest(), **_engines_of(outcome)}
         pool: Pool = ClusterWorkers(CHECK, plan.cluster, versions=versions, **made)
     else:
         pool = Workers(CHECK, **made)
     with pool as workers:
         _write_how(plan, outcome, begun)
+        run = of_run(plan.seed, _engines_of(outcome))
         for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
-            journal.append(replace(record, run=of_run(plan.seed, outcome.versions)))
+            journal.append(replace(record, run=run))
             outcome.checked = len(journal.keys)
         mute = _sort(journal, outcome)
         if plan.known_gaps:
@@ -308,23 +309,29 @@ def _made(out: Path) -> dict[str, Any] | None:
         return None
     try:
         made = dict(json.loads(path.read_text(encoding="utf-8")))
-        made_by = _made_by(made.get("refkin"), made.get("source"), made.get("scene_seconds"), made["versions"])
+        engines = {**made["versions"], **made.get("files", {})}
+        made_by = _made_by(made.get("refkin"), made.get("source"), made.get("scene_seconds"), engines)
         return {"seed": int(made["seed"]), "made_by": made_by, "date": made.get("date")}
     except (OSError, ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as error:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
-def _made_by(refkin: Any, source: Any, seconds: Any, versions: Mapping[str, str]) -> dict[str, Any]:
+def _made_by(refkin: Any, source: Any, seconds: Any, engines: Mapping[str, str]) -> dict[str, Any]:
     """Return what must not change while a run goes on: by what, and how long, each scene is checked."""
-    return {"refkin": refkin, SOURCE: source, "seconds per scene": seconds, **versions}
+    return {"refkin": refkin, SOURCE: source, "seconds per scene": seconds, **engines}
 
 
-def of_run(seed: int, versions: Mapping[str, str]) -> str:
-    """Return the digest, 16 hex digits, of what all records of a run have in common: seed, source, all versions.
+def _engines_of(outcome: NightOutcome) -> dict[str, str]:
+    """Return by what engines scenes are checked: their versions, and the digests of their files."""
+    return {**outcome.versions, **files_of(outcome.engines)}
+
+
+def of_run(seed: int, engines: Mapping[str, str]) -> str:
+    """Return the digest, 16 hex digits, of what all records of a run have in common: seed, source, all engines.
 
     One that is mixed in, out of another run, is told by it wherever it stands. It is no signature.
     """
-    same = json.dumps([seed, version("refkin"), digest(), versions], sort_keys=True)
+    same = json.dumps([seed, version("refkin"), digest(), engines], sort_keys=True)
     return hashlib.sha256(same.encode()).hexdigest()[:16]
 
 
@@ -333,12 +340,13 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
 
     That is, from other source, with other versions or engines, or of other scenes.
     """
-    before, now = _made(plan.out), _made_by(version("refkin"), digest(), plan.scene_seconds, outcome.versions)
+    engines = _engines_of(outcome)
+    before, now = _made(plan.out), _made_by(version("refkin"), digest(), plan.scene_seconds, engines)
     if before is not None and (there := before["made_by"]) != now:
         keys = [key for key in {**there, **now} if there.get(key) != now.get(key)]
         others = "; ".join(f"{key} {there.get(key, 'none')}, not {now.get(key, 'none')}" for key in keys)
         raise OtherRun(f"{plan.out} holds a run with {others}: choose another folder")
-    if turns.runs - {of_run(plan.seed, outcome.versions)}:
+    if turns.runs - {of_run(plan.seed, engines)}:
         raise OtherRun(f"{plan.out} holds records of another run: choose another folder")
     numbers = sorted(turns.drawn)
     for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
@@ -354,6 +362,7 @@ def _write_how(plan: NightPlan, outcome: NightOutcome, begun: str | None) -> Non
         **{k: v for k, v in asdict(plan).items() if k not in ("out", "baseline")},
         "required": outcome.required,
         "versions": outcome.versions,
+        "files": files_of(outcome.engines),
         "missing": outcome.missing,
         "safety_factor": SAFETY,
         "refkin": version("refkin"),

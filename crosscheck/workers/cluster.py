@@ -30,7 +30,7 @@ from crosscheck.workers.pool import (
     name_and_version,
 )
 from crosscheck.workers.processes import Failure, call_each
-from crosscheck.workers.source import SOURCE, digest
+from crosscheck.workers.source import SOURCE, digest, files_of
 
 LOCAL = "local"
 BATCH = 100
@@ -181,8 +181,10 @@ def versions_here(specs: Sequence[str]) -> dict[str, str] | str:
     if multiprocessing.current_process().daemon:
         return "is a daemon and may have no children: start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
     answers = call_each(name_and_version, specs)
-    failures = [answer.text for answer in answers if isinstance(answer, Failure)]
-    return "; ".join(failures) if failures else {SOURCE: digest(), **dict(answers)}
+    if failures := [answer.text for answer in answers if isinstance(answer, Failure)]:
+        return "; ".join(failures)
+    files = files_of({name: spec for (name, _), spec in zip(answers, specs, strict=True)})
+    return {SOURCE: digest(), **dict(answers), **files}
 
 
 @lru_cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -26,3 +27,16 @@ def digest(root: Path = ROOT) -> str:
         content = file.read_bytes().replace(b"\r\n", b"\n")
         whole.update(f"{name} {len(content)}\n".encode() + content)
     return whole.hexdigest()[:16]
+
+
+def files_of(engines: Mapping[str, str]) -> dict[str, str]:
+    """Return the digest of the file of each engine that comes from one, `file.py:Class`: its version says less.
+
+    Parameters
+    ----------
+    engines : mapping
+        Name -> what `crosscheck.engines.load` takes for it.
+    """
+    files = {f"file of {name}": Path(spec.rpartition(":")[0]) for name, spec in engines.items()}
+    found = {key: path for key, path in files.items() if path.suffix == ".py" and path.is_file()}
+    return {key: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for key, path in found.items()}

@@ -44,7 +44,7 @@ from crosscheck.strategies.space_kinds import KINDS as SPACE_KINDS
 from crosscheck.workers import source
 from crosscheck.workers.pool import find_engines
 
-from .fake_engines import EXIT, HANG, alive, crosscheck, engine_file, records_of, start
+from .fake_engines import EXIT, HANG, SHIFT, alive, crosscheck, engine_file, records_of, start
 from .report_records import record, typed
 
 NIGHT = 21
@@ -298,10 +298,28 @@ def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):
     before = (tmp_path / "out" / "run.json").read_text()
     spec = engine_file(tmp_path)
 
-    with pytest.raises(OtherRun, match=r"holds a run with fake none, not 1: choose another folder"):
+    with pytest.raises(OtherRun, match=r"fake none, not 1; file of fake none, not [0-9a-f]{16}: choose"):
         run(plan(tmp_path / "out", spec, scenes=2))
 
     assert (tmp_path / "out" / "run.json").read_text() == before
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_folder_of_an_engine_whose_file_was_changed_is_refused(tmp_path, told):
+    """Its version is what its file says: the records of two engines would stand under one name."""
+    spec, out = engine_file(tmp_path), tmp_path / "out"
+    run(plan(out, spec, scenes=1))
+    engine_file(tmp_path, after=SHIFT)
+    if not told:
+        (out / "run.json").unlink()
+    said = "a run with file of fake [0-9a-f]{16}, not [0-9a-f]{16}" if told else "records of another run"
+
+    with pytest.raises(OtherRun, match=f"holds {said}: choose another folder"):
+        run(plan(out, spec, scenes=2))
+
+    engine_file(tmp_path)
+    if told:
+        assert run(plan(out, spec, scenes=2)).checked == 2
 
 
 def test_a_folder_of_another_version_is_refused_and_left_as_it_is(tmp_path):
