@@ -104,7 +104,8 @@ KindOfGap = Literal["contract violated", "documented limit", "our misuse"]
 class KnownGap(Strict):
     """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it.
 
-    `method`, `quantity` and `kind` are those of the disagreements that it accounts for; any, where one is not said.
+    `method`, `quantity` and `kind` are those of the disagreements that it accounts for; any, where one is not said. One
+    that holds anywhere says what goes wrong, or it would turn no night red again.
     """
 
     engine: Text
@@ -204,7 +205,12 @@ def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int
 
 def read(text: str | None = None) -> tuple[KnownGap, ...]:
     """Return the rows of the table; raises InvalidGap naming the row and key that is wrong."""
-    return _rows_of(KnownGap, "gap", "known_gaps.toml", text)
+    rows: tuple[KnownGap, ...] = _rows_of(KnownGap, "gap", "known_gaps.toml", text)
+    for k, row in enumerate(rows):
+        if row.predicate == anywhere.__name__ and not (row.quantity or row.kind):
+            message = f"gap.{k}.predicate: {row.predicate!r}; expected a quantity or a kind beside it: else it covers"
+            raise InvalidGap(f"{message} whatever goes wrong, crashes too")
+    return rows
 
 
 def _rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]:

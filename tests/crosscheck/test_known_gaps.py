@@ -21,6 +21,7 @@ ROW = """
 [[gap]]
 engine = "exudyn"
 method = "shipped"
+kind = "other assembly"
 predicate = "anywhere"
 reason = "planted"
 class = "our misuse"
@@ -104,6 +105,10 @@ FAULTS = {
     "another word for a key": (ROW.replace("class =", "kind_of_gap ="), "gap.0.class: missing; field required"),
     "no table": ("gap = 3", "gap: 3; input should be a valid tuple"),
     "a number": (ROW.replace('"shipped"', "3"), "gap.0.method: 3; input should be a valid string"),
+    "all that is ever wrong": (
+        ROW.replace('kind = "other assembly"\n', ""),
+        "gap.0.predicate: 'anywhere'; expected a quantity or",
+    ),
     "second row": (ROW + ROW.replace("anywhere", "nowhere"), "gap.1.predicate"),
     "another table": (ROW.replace("[[gap]]", "[[gaps]]"), "gaps: no such key; there is: gap"),
     "not TOML": (ROW + "[[", r"no TOML: .*\(at end of document\)"),
