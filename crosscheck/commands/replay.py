@@ -136,13 +136,14 @@ def lines(replied: Sequence[Reply]) -> list[str]:
         out.append(f"    asked about {'; '.join(about for about, _ in met)}")
         out += [f"    for instance {met[0][1].example}"] if met[0][1].example else []
     out += _refusals([reply.refusals for reply in replied if not reply.answered])
+    out += _refusals([reply.refusals for reply in replied if reply.answered], "not compared")
     answered = sum(reply.answered for reply in replied)
     wrong = sum(bool(reply.faults) for reply in replied)
     counted = f"{answered} of {len(replied)} questions answered, {len(replied) - answered} refused, {wrong} wrong"
     return [*out, *summary(replied), counted]
 
 
-def _refusals(reasons: Sequence[Sequence[str]]) -> list[str]:
+def _refusals(reasons: Sequence[Sequence[str]], what: str = "refused") -> list[str]:
     """Return each reason once, with how many questions it stands for; those that end differently in one line."""
     kinds: dict[str, list[str]] = {}
     for reason in dict.fromkeys(reason for of_one in reasons for reason in of_one):
@@ -152,4 +153,4 @@ def _refusals(reasons: Sequence[Sequence[str]]) -> list[str]:
         kind: sum(any(kind + end in of_one for end in ends) for of_one in reasons) for kind, ends in kinds.items()
     }
     plural = {kind: "s" * (n != 1) for kind, n in counts.items()}
-    return [f"refused ({counts[k]} question{plural[k]}): {k}{', '.join(ends)}" for k, ends in kinds.items()]
+    return [f"{what} ({counts[k]} question{plural[k]}): {k}{', '.join(ends)}" for k, ends in kinds.items()]

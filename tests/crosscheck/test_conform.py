@@ -80,6 +80,16 @@ def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(command,
     assert shown.splitlines()[-1].endswith(" refused, 0 wrong")
 
 
+def test_what_is_not_compared_of_a_question_that_is_answered_is_said(tmp_path):
+    silent = engine_file(tmp_path, after="motion = replace(motion, points={})")
+    said = told(silent, "revolute", "points of two bodies")
+
+    assert said.splitlines() == [
+        "not compared (1 question): fake (made up) gives no motion of points: they are not compared",
+        "2 of 2 questions answered, 0 refused, 0 wrong",
+    ]
+
+
 SPHERICAL = "space: spherical, a rod that spins as it likes"
 WRONG_JOINTS = {
     "prismatic": (changed("prismatic", angle="j.angle + 1e-9"), "prismatic"),
