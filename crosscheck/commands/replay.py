@@ -15,6 +15,7 @@ from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTH
 from crosscheck.judge.known_gaps import told
 from crosscheck.measure.conform import LEVELS, LevelFault, Reply, hard_replies, replies, summary
 from crosscheck.measure.jobs import by_itself, checkers
+from crosscheck.night.plan import ALWAYS, SAMPLED
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
 from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
@@ -33,7 +34,8 @@ def replay(
 ) -> int:
     """Solve one scene on all engines, and compare.
 
-    Exit codes: 0 all agree, 1 some disagree, 2 usage or invalid scene, 3 engine missing, 4 infrastructure.
+    Exit codes: 0 all that answer agree (who refuses is named), 1 some disagree, 2 usage or invalid scene, 3 engine
+    missing, 4 infrastructure, 5 none that was asked for answers, though there is an answer.
 
     Parameters
     ----------
@@ -73,7 +75,13 @@ def replay(
         out.print(told(record, disagreement))
     if missing:
         return ENGINE_MISSING
-    return DISAGREEMENT if record.disagreements else PASS
+    if record.disagreements:
+        return DISAGREEMENT
+    asked = [name for name in installed if name not in (ALWAYS, *SAMPLED)] or [*installed]
+    if reference.verdict == Status.OK and not {answer.engine for answer in record.answers} & {*asked}:
+        print(f"nothing was compared: no answer of {', '.join(asked)}", file=sys.stderr)
+        return NOTHING_RAN
+    return PASS
 
 
 def conform(engine: str, *, as_json: Json = False) -> int:

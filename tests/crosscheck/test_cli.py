@@ -391,6 +391,16 @@ def test_a_scene_is_replayed_with_what_it_shows(command, words, code, said):
     assert all(text in process.stdout for text in said)
 
 
+@pytest.mark.parametrize(("others", "code"), [("", 5), (",mujoco", 0)])
+def test_a_scene_that_all_who_are_asked_refuse_is_not_replayed_with_0(command, others, code):
+    """The closed form has answered it, which nobody had asked for."""
+    process = command("replay", "examples/slider-crank.toml", "--engines", f"{OWN}{others}")
+    said = "nothing was compared: no answer of two_circles\n" if code else ""
+
+    assert (process.returncode, process.stderr) == (code, said)
+    assert "two_circles refuses" in process.stdout
+
+
 @pytest.mark.parametrize("branch", ["open", "crossed"])
 def test_the_example_of_an_engine_stays_on_the_assembly_of_the_estimates(branch):
     scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5, branch=branch)
