@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
-from refkin.errors import Fault
+from refkin.errors import MOST, Fault
 from refkin.joints import (
     DRIVER_TYPES,
     GROUND,
@@ -133,11 +133,16 @@ class SpatialSceneFile(SceneFile):
 
 
 def read(data: Any) -> tuple[SceneFile | None, list[Fault]]:
-    """Return the scene file that data describe, None if keys or types are wrong, and all that is wrong with it."""
+    """Return the scene file that data describe, None if keys or types are wrong, and all that is wrong with it.
+
+    Where more is wrong with keys and types than is told, nothing further is looked for: it takes the square of their
+    number.
+    """
     try:
         file = _read(data)
     except ValidationError as error:
-        return None, [*_lengths(error.errors(include_url=False)), *_further_faults(data, error)]
+        faults = list(_lengths(error.errors(include_url=False)))
+        return None, [*faults, *(_further_faults(data, error) if len(faults) <= MOST else ())]
     return file, _meaning(file)
 
 

@@ -445,6 +445,17 @@ def test_a_file_with_a_fault_in_each_of_many_joints_is_not_read_anew_for_each(mo
     assert len(read) < 60
 
 
+@pytest.mark.parametrize(("bodies", "looked_for"), [(99, True), (101, False)])
+def test_beside_more_faults_than_are_told_no_further_ones_are_looked_for(bodies, looked_for, monkeypatch):
+    """A thousand bodies without a name took a quarter of a minute."""
+    asked, data = [], copy.deepcopy(GOOD)
+    data["body"] = [{} for _ in range(bodies)]
+    monkeypatch.setattr(keys, "_filled", lambda *given, own=keys._filled: asked.append(given) or own(*given))
+
+    assert len(refused(data).faults) >= bodies
+    assert bool(asked) is looked_for
+
+
 def test_a_message_tells_the_first_hundred_of_ten_thousand_faults():
     error = InvalidScene([Fault(f"body[{k}]", None, "a name") for k in range(10_000)], "many.toml")
     assert len(error.faults) == 10_000
