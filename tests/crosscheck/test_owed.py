@@ -350,7 +350,7 @@ class Believing(Wrapped):
         motion = refkin.solve(scene)
         ones, ok = np.ones_like(motion.q), (Status.OK,) * len(motion.t)
         qd = np.where(np.isfinite(motion.qd), motion.qd, ones)
-        return replace(motion, qd=qd, qdd=ones, status=ok)
+        return replace(motion, qd=qd, qdd=ones, status=ok, producer=self.producer(scene, route))
 
 
 def test_rates_of_a_locked_mechanism_are_called_so():
