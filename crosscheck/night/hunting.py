@@ -137,7 +137,7 @@ class Bag:
         beside = set()
         for d in record.disagreements:
             blame, known = Blame(d, record, scene, origin, self.scenes), self.blames.get(d.signature)
-            if not _is_hunted(d, best):
+            if d.method not in (best.get(d.engine), ANY, ROWS):  # nor of the engine whatever the method
                 beside.add(f"{d.engine} ({d.method}), {d.quantity}: {d.name}")
             elif d.kind not in ENDED and (known is None or blame.ratio > known.ratio):
                 self.blames[d.signature] = blame
@@ -147,11 +147,6 @@ class Bag:
 def _expected(record: Record) -> Status:
     """Return the verdict that the scene of a record was made for."""
     return Status(str(record.about.get("expected", Status.OK)))
-
-
-def _is_hunted(disagreement: Disagreement, best: Mapping[str, str]) -> bool:
-    """Whether it is one of a best method, or of its engine whatever the method."""
-    return disagreement.method in (best.get(disagreement.engine), ANY, ROWS)
 
 
 def hunt(

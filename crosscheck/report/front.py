@@ -74,15 +74,14 @@ def folds(report: Report) -> dict[str, str]:
         compared = f"golden set of {golden['cases']} scenes: {found}"
     if nights:
         kept = f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
+    unmeasured = "not measured in this run"
     return {
-        "price": _price_line(report["price"]),
-        "effects": _effects_line(report["effects"]),
-        "hard_cases": _hard_line(report["hard_cases"]),
+        **{name: line(report[name]) if report[name] else unmeasured for name, line in MEASURED.items()},
         "features": _features_line(report["features"]),
         "disagreements": f"{count(report['new_disagreements'])} new, {count(report['known_disagreements'])} known",
         "digits": "every engine, every decade",
         "agreement": f"{len(report['agreement'])} pairs" if report["agreement"] else "not in the records of this run",
-        "newton": _slopes_line(report),
+        "newton": _slopes_line(report) if report["slopes"] else unmeasured,
         "glance": "percentiles, error / allowed, who solved what, own rows",
         "gaps": f"{len(gaps)} in the table, {sum(g['disagreements'] > 0 for g in gaps)} met",
         "trends": f"{compared}; {kept}",
@@ -101,8 +100,6 @@ def _features_line(rows: Any) -> str:
 
 
 def _price_line(rows: Any) -> str:
-    if not rows:
-        return "not measured in this run"
     settings, classes = {(r["engine"], r["method"], r["setting"]) for r in rows}, {r["scene_class"] for r in rows}
     timed = [r["spread"] for r in rows if r["microseconds"] is not None]
     once = f"{timed.count(None)} of {len(timed)} prices by a single call"
@@ -110,25 +107,22 @@ def _price_line(rows: Any) -> str:
 
 
 def _effects_line(rows: Any) -> str:
-    if not rows:
-        return "not measured in this run"
     priced = [r for r in rows if r["microseconds"] is not None]
     noise = sum(r["microseconds"] <= (r.get("spread") or 0.0) for r in priced)
     return f"{len(priced)} of {len(rows)} effects priced, {noise} of them within noise"
 
 
 def _hard_line(rows: Any) -> str:
-    if not rows:
-        return "not measured in this run"
     counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
     verdicts = ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
     done, of = asked(rows)
     return f"{done} of {of} cases, the same for all: {verdicts}" if done < of else verdicts
 
 
+MEASURED = {"price": _price_line, "effects": _effects_line, "hard_cases": _hard_line}
+
+
 def _slopes_line(report: Report) -> str:
-    if not report["slopes"]:
-        return "not measured in this run"
     fitted = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
     orders = [h["last_order"] for h in report["newton_histories"] if h["last_order"] is not None]
     least, most = (f"{order(orders):.2f}" for order in (min, max)) if orders else ("", "")

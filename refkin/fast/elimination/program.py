@@ -189,7 +189,7 @@ def compile_single(program: Program, wanted: Sequence[int]) -> Single:
         "sin": math.sin,
         "tan": math.tan,
         "inverse": _inverse,
-        "apply": _apply,
+        "apply": lambda inverse, *right: (inverse[2] @ np.array(right)).tolist(),
         "StepAnswer": StepAnswer,
     }
     exec(compile(source(program, wanted), "<program>", "exec"), scope)
@@ -254,8 +254,3 @@ def _inverse(size: int, *entries: float) -> tuple[Any, ...]:
     if not largest < math.inf:  # of entries beyond all numbers NumPy would warn whoever runs this
         raise OverflowError("a block without a finite inverse")
     return float(np.linalg.slogdet(matrix)[0]), 1.0 / largest, inverse
-
-
-def _apply(inverse: tuple[Any, ...], *right: float) -> list[float]:
-    product: list[float] = (inverse[2] @ np.array(right)).tolist()
-    return product
