@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from crosscheck.judge.records import Strict
 from crosscheck.scenes.names import QUANTITIES
 from refkin.motion import Quantity
 
@@ -54,7 +55,7 @@ class PriceRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EffectRow:
+class EffectRow(Strict):
     """What one effect costs in one engine by one method, and whether it changes anything.
 
     `microseconds` is what it adds per configuration, negative by noise alone, `without` what one costs without it, and

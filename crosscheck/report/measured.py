@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat
 
-from crosscheck.judge.records import read_file
+from crosscheck.judge.prices import EffectRow
+from crosscheck.judge.records import adapter, read_file
 from crosscheck.scenes.names import called
 from refkin.motion import Quantity
 
@@ -41,18 +42,6 @@ class _PriceFile(_Row):
     scene_class: str
 
 
-class _EffectFile(_Row):
-    """What one effect adds to the time of an engine, and whether it changes the answer that the scene asks for."""
-
-    engine: str
-    method: str
-    effect: str
-    microseconds: float | None
-    inert: bool | None
-    largest_change: float | None = None
-    worst: str = ""
-
-
 class _HardCaseFile(_Row):
     engine: str
     method: str
@@ -63,7 +52,7 @@ class _HardCaseFile(_Row):
     note: str | None = ""
 
 
-KINDS: dict[str, type[_Row]] = {"price": _PriceFile, "effects": _EffectFile, "hard_cases": _HardCaseFile}
+KINDS: dict[str, type[Any]] = {"price": _PriceFile, "effects": EffectRow, "hard_cases": _HardCaseFile}
 
 
 def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
@@ -72,7 +61,7 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
     faults: list[str] = []
     for name, kind in KINDS.items():
         read, wrong = read_file(folder / f"{name}.json", list[kind])  # type: ignore[valid-type]
-        rows[name] = None if read is None else [row.model_dump() for row in read]
+        rows[name] = None if read is None else adapter(list[kind]).dump_python(read)  # type: ignore[valid-type]
         faults += wrong
     for row in (*(rows["effects"] or ()), *(rows["hard_cases"] or ())):
         row["method"] = called(row["method"], row.get("setting", ""))

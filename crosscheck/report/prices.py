@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
 from itertools import accumulate
 from typing import Any
 
@@ -261,9 +260,7 @@ def _step(longest: float) -> float:
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
-    # what a file leaves out of a row of the ledger is not known
-    unknown: Any = {"method": "", "setting": "", "without": 0.0, "called_for": True}
-    ledger = [EffectRow(**unknown | {f.name: row[f.name] for f in fields(EffectRow) if f.name in row}) for row in rows]
+    ledger = [EffectRow(**row) for row in rows]
     panels = (effects_bars(ledger),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes the answer", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -35,7 +36,7 @@ from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
 from refkin.scenes.files import to_dict
 
-from .report_records import answer, disagreement, good_answer, of_run, quantity, record, typed, write
+from .report_records import answer, disagreement, effect_row, good_answer, of_run, quantity, record, typed, write
 
 PRICES = [
     {"engine": "mujoco", "method": "newton", "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
@@ -47,26 +48,14 @@ PRICES = [
     {**row, "quantity": "acceleration", "digits_attainable": 15.0, "spread": 0.05, "scene_class": "regular"}
     for row in PRICES
 ]
-EFFECTS = [
-    {
-        "engine": "refkin",
-        "method": "solve",
-        "effect": "position",
-        "microseconds": 20.0,
-        "inert": True,
-        "largest_change": 0.0,
-        "worst": "",
-    },
-    {
-        "engine": "mujoco",
-        "method": "newton",
-        "effect": "gravity",
-        "microseconds": 3.0,
-        "inert": False,
-        "largest_change": 1e-3,
-        "worst": "acceleration of crank.phi at t = 1",
-    },
-]
+OF_POSITION: Any = {"engine": "refkin", "method": "solve", "microseconds": 20.0, "largest_change": 0.0}
+OF_GRAVITY: Any = {
+    "engine": "mujoco",
+    "inert": False,
+    "largest_change": 1e-3,
+    "worst": "acceleration of crank.phi at t = 1",
+}
+EFFECTS = [asdict(effect_row("position", **OF_POSITION)), asdict(effect_row("gravity", **OF_GRAVITY))]
 HARD = [
     {"engine": "mujoco", "method": "newton", "case": "dead centre", "verdict": "correct", "class": "", "quote": ""},
     {
