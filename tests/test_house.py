@@ -90,8 +90,13 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
+<<<<<<< HEAD
     assert size["refkin"] + size["crosscheck"] <= 61_436
     assert size["tests"] <= 49_300
+=======
+    assert size["refkin"] + size["crosscheck"] <= 60_846
+    assert size["tests"] <= 48_882
+>>>>>>> b8fca979 (A scene's answer and its equations are one module of commands; whose driver is a distance is asked where it matters)
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -205,8 +205,8 @@ def _left_by_default(scene: Scene) -> float:
 
     That times what length is driven; exudyn's norm takes metres for radians, and radians for metres.
     """
-    size, drivers = scene.mechanism.size(), scene.mechanism.drivers
-    length = _reach(scene, [driver for driver in drivers if _is_distance(driver)])
+    size, drivers, lengths = scene.mechanism.size(), scene.mechanism.drivers, PointDistance | SpatialPointDistance
+    length = _reach(scene, [d for d in drivers if any(isinstance(e, lengths) for e in elements_of([d]))])
     return 1e-8 * max(40.0, 4.0 * _reach(scene, drivers)) * max(1.0, length) * max(size, 1.0 / size)
 
 
@@ -217,10 +217,6 @@ def _reach(scene: Scene, drivers: Iterable[Driver]) -> float:
         shifts, factor = driver.law_scale(unit)
         reach += [np.max(np.abs(law(t, 0) - x)) / factor for law, x in zip(driver.laws, shifts, strict=True)]
     return float(max(reach))
-
-
-def _is_distance(driver: Driver) -> bool:
-    return any(isinstance(e, PointDistance | SpatialPointDistance) for e in elements_of([driver]))
 
 
 def _is_rounding(of_rates: float, scene: Scene) -> bool:

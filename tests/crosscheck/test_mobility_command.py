@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import refkin
-from crosscheck.commands.diagnose import mobility
+from crosscheck.commands.solve import mobility
 from refkin.joints import GROUND, Revolute
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_toml

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 import refkin
-from crosscheck.commands import bench, diagnose, engines, follow, hunt, nightly, price, usage
+from crosscheck.commands import bench, engines, follow, hunt, nightly, price, solve, usage
 from crosscheck.judge.records import EnclosedTimes
 from crosscheck.measure.hard_table import hard_cases
 from crosscheck.night.hunting import Bag, Catch
@@ -295,4 +295,4 @@ def test_a_singular_pose_is_said_with_its_tangents_and_as_plain_data(command):
     assert words.returncode == 1
     assert words.stdout.count("tangent: ") == len(data["tangents"]) > 0
     assert words.stdout.startswith(f"verdict: {data['verdict']}\nt = 0\n{data['message']}\n")
-    assert diagnose.hardest(refkin.solve(SCENE)) == int(np.argmin(refkin.solve(SCENE).sigma_min))
+    assert solve.hardest(refkin.solve(SCENE)) == int(np.argmin(refkin.solve(SCENE).sigma_min))
