@@ -82,7 +82,7 @@ def test_the_reference_is_read_in_one_sitting():
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
     assert lines(spine) <= 1198
-    assert lines(spine) + lines(joints) - lines(of_space) <= 1942
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1943
     assert lines(of_space) <= 1093  # the second chapter that may be left for another day: bodies of space
 
 
@@ -90,13 +90,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-<<<<<<< HEAD
-    assert size["refkin"] + size["crosscheck"] <= 61_436
-    assert size["tests"] <= 49_300
-=======
-    assert size["refkin"] + size["crosscheck"] <= 60_846
-    assert size["tests"] <= 48_882
->>>>>>> b8fca979 (A scene's answer and its equations are one module of commands; whose driver is a distance is asked where it matters)
+    assert size["refkin"] + size["crosscheck"] <= 61_487
+    assert size["tests"] <= 49_376
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -21,7 +21,7 @@ from crosscheck.errors import DISAGREEMENT, PASS, naming
 from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import QUANTITIES, BodyMotion, Motion, Status
-from refkin.output import SceneMotion, wide
+from refkin.output import SceneMotion
 from refkin.proof.singularity.diagnosis import Diagnosis, PoseKind
 from refkin.scenes.files import load
 from refkin.solving import solve as solving

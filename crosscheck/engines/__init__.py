@@ -38,8 +38,7 @@ from crosscheck.scenes.names import OURS, called_for
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
-from refkin.joints import AxesParallel, Constraint, elements_of
-from refkin.joints.spatial_base import Counted
+from refkin.joints import AxesParallel, Constraint, Counted, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, __version__, engine_motion
 

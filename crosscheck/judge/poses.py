@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.judge.budget import residual_error
-from refkin.joints import initial_contacts, polar_cams
-from refkin.joints.spatial_base import Counted
+from refkin.joints import Counted, initial_contacts, polar_cams
 from refkin.system import System
 
 CORRECTIONS = 4

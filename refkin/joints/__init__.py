@@ -17,6 +17,7 @@ from refkin.joints.spatial import (
     SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
     SpatialFixed, SpatialGear, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
 )
+from refkin.joints.spatial_base import Counted
 from refkin.joints.spatial_bodies import SPACE, with_unit_length
 from refkin.joints.spatial_drivers import (
     SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
@@ -36,13 +37,13 @@ KINDS = {kind.name: kind for kind in (PLANE, SPACE)}
 __all__ = [
     "DRIVER_TYPES", "GROUND", "JOINT_TYPES", "KINDS", "PLANE", "SI", "SPACE", "SPATIAL_DRIVER_TYPES",
     "SPATIAL_JOINT_TYPES", "AngleDriver", "AxesParallel", "AxesPerpendicular", "Cam", "Constraint", "Contact",
-    "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Driver", "Element", "Fixed", "Gear",
-    "GearedTurns", "GuidedPoint", "Kind", "Pair", "Parallel", "Perpendicular", "PointCoordinate", "PointDistance",
-    "PointInPlane", "PointOnAxis", "PointOnLine", "PointOnPlane", "PointsCoincide", "PointsMeet", "Polar", "Prismatic",
-    "RackAndPinion", "RelativeAngle", "Revolute", "RollingOnLine", "RollingWheels", "Screw", "ScrewMotion",
-    "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed", "SpatialGear",
-    "SpatialPointDistance", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical", "Triple",
-    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "initial_contacts", "passive_spins",
-    "polar_cams", "with_unit_length",
+    "Counted", "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Driver", "Element", "Fixed",
+    "Gear", "GearedTurns", "GuidedPoint", "Kind", "Pair", "Parallel", "Perpendicular", "PointCoordinate",
+    "PointDistance", "PointInPlane", "PointOnAxis", "PointOnLine", "PointOnPlane", "PointsCoincide", "PointsMeet",
+    "Polar", "Prismatic", "RackAndPinion", "RelativeAngle", "Revolute", "RollingOnLine", "RollingWheels", "Screw",
+    "ScrewMotion", "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed",
+    "SpatialGear", "SpatialPointDistance", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical",
+    "Triple", "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "initial_contacts",
+    "passive_spins", "polar_cams", "with_unit_length",
 ]
 # fmt: on

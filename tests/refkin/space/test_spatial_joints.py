@@ -9,8 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
-from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, Unit, elements_of
-from refkin.joints.spatial_base import Counted
+from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Counted, Spherical, Unit, elements_of
 from refkin.joints.spatial_bodies import with_unit_length
 from refkin.joints.spatial_frames import across, frame, parameters_of
 from refkin.joints.spatial_passive import passive_spins
