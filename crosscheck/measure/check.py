@@ -317,8 +317,7 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
             part.blame(method.called, wrong("status", Cause.NO_ANSWER, str(motion)))
         return
     terms, faults = granted(engine, scene, told.terms)
-    reasons = [*misshapen(scene, motion)] or [*_of_another(method, motion)]
-    wrong_form = [wrong("status", Cause.NOT_DELIVERED, why) for why in reasons]
+    wrong_form = [wrong("status", Cause.NOT_DELIVERED, why) for why in misshapen(scene, motion)]
     if wrong_form:
         part.blame(method.called, *faults, *wrong_form)
         return
@@ -326,8 +325,8 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
     part.answers.append(
         Answer(
             engine=engine,
-            version=str(motion.producer.version),
-            method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()} | {"name": method.called}),
+            version=str(method.producer.version),  # of who was asked, whoever it says that it is
+            method=MethodData(**{k: str(v) for k, v in vars(method.producer.route).items()} | {"name": method.called}),
             quantities=quantities(ref, compared),
             missing=compared.missing,
             compared=compared.compared,
@@ -347,17 +346,6 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
     turned_round = _turned_round(told.turned_round, subject, terms) if told.again else None
     part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))
-
-
-def _of_another(method: Method, motion: Motion) -> Iterator[str]:
-    """Yield in what an answer is not by whom it was asked of: it would stand in another's row."""
-    says, asked = (
-        {"name": who.name, "version": who.version, **{f"route.{key}": by for key, by in vars(who.route).items()}}
-        for who in (motion.producer, method.producer)
-    )
-    for key, expected in asked.items():
-        if says[key] != expected:
-            yield f"producer.{key}: expected {str(expected)!r}, got {kept(repr(str(says[key])))}"
 
 
 def _disagreements(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from crosscheck.engines import load
@@ -132,6 +132,7 @@ def test_scenes_of_space_end_in_a_singular_pose_or_in_none_by_proof() -> None:
 @settings(CAREFULLY, max_examples=6)
 @given(spatial_scenes(samples=8, kinds=set(KINDS) - {"screw", *BY_NEWTON}, regions=(Region.REGULAR,)))
 def test_engines_agree_with_the_closed_form_on_what_is_drawn(engine: str, drawn: Spatial) -> None:
+    assume(engine != "exudyn" or drawn.kind != "geared")  # it refuses gears
     ours, theirs = solved(drawn), load(engine).solve(drawn.scene)
     assert set(theirs.status) == {Status.OK}
     passive = numbers_of(drawn.scene.mechanism).passive
