@@ -9,6 +9,7 @@ import pytest
 
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.judge.comparison import compare, reference
+from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DisplacementDriver
 from refkin.model import Scene
@@ -32,6 +33,14 @@ def lifted() -> Scene:
     return replace(jack, mechanism=replace(jack.mechanism, joints=joints, drivers=(lift,)))
 
 
+def bevel_wheels() -> Scene:
+    return next(question.scene for question in questions() if question.about == "space: gear, bevel wheels")
+
+
+def gears_on_an_arm() -> Scene:
+    return next(question.scene for question in questions() if question.about == "space: gears on an arm")
+
+
 def stewart() -> Scene:
     return Stewart.three_three().scene(speed=1.0, samples=13)
 
@@ -52,7 +61,7 @@ def shipped(engine: str, scene: Scene) -> tuple[Motion, float]:
 
 
 SPACE = (space_scenes.rssr, space_scenes.rssr_by_distance, space_scenes.rssp, space_scenes.bennett, hooke)
-MUJOCO = (*SPACE, space_scenes.screw_jack, space_scenes.two_slides, lifted, stewart)
+MUJOCO = (*SPACE, space_scenes.screw_jack, space_scenes.two_slides, lifted, stewart, bevel_wheels, gears_on_an_arm)
 
 
 @pytest.mark.parametrize("make", MUJOCO, ids=lambda make: make.__name__)
@@ -80,6 +89,7 @@ REFUSED = [
     ("pinocchio", space_scenes.double_hooke, "universal 'U2'"),
     ("pinocchio", space_scenes.rssr_by_distance, "distance 'L'"),
     ("pinocchio", space_scenes.screw_jack, "angle 'motor'"),
+    ("pinocchio", bevel_wheels, "gear 'one two'"),
 ]
 
 

@@ -80,10 +80,10 @@ def stepped(tree: JointTree) -> Closing:
 class SpaceSimulation(MujocoSpace):
     """A model of space with MuJoCo's defaults: spherical joints close loops by a `connect`, revolutes by two.
 
-    A screw is tied to its slide by an equality of two joints, distances are equalities of tendons, and drivers set the
-    value of a joint or of a tendon's length. By default nothing brakes the spin of a body between two spherical joints;
-    as its mass lies on the line of the two and its inertias are alike, the spin pulls at nothing, and is not asked to
-    rest. A loop or a driver that no equality constraint holds is refused.
+    A screw is tied to its slide, and wheels in gear to each other, by an equality of two joints, distances are
+    equalities of tendons, and drivers set the value of a joint or of a tendon's length. By default nothing brakes the
+    spin of a body between two spherical joints; as its mass lies on the line of the two and its inertias are alike, the
+    spin pulls at nothing, and is not asked to rest. A loop or a driver that no equality constraint holds is refused.
     """
 
     def __init__(self, system: SpaceSystem) -> None:
@@ -119,7 +119,17 @@ class SpaceSimulation(MujocoSpace):
         for hold in self.tree.closures:
             if hold.kind == JointKind.DISTANCE:
                 self._hold_length(hold, hold.length)
+        for gear in self.tree.numbers.gears:
+            wheels = (f"q{self._turn(name)}" for name in reversed(gear.joints))
+            first, second = gear.radii
+            self._coupling([gear.sum / second, -first / second], mujoco.mjtObj.mjOBJ_JOINT, *wheels)
         self.driven = [(drive, *self._drive(drive)) for drive in self.tree.numbers.drives]
+
+    def _turn(self, joint: str) -> int:
+        """Return which of MuJoCo's joints is the turn of one of the tree."""
+        self.tree.turn_of(joint)  # or it is refused
+        edge = next(edge for edge in self.tree.edges if edge.hold == joint)
+        return self._first[joint] + (edge.kind in (JointKind.CYLINDRICAL, JointKind.SCREW))
 
     def _drive(self, drive: Drive) -> tuple[int, float]:
         """Return the equality that a driver sets, and the law's value at which the equality's is zero."""
@@ -128,8 +138,9 @@ class SpaceSimulation(MujocoSpace):
         edge = self.tree.edge_of(drive)
         if edge is None:
             _refuse(f"{drive.kind} {drive.name!r}, whose joint closes a loop")
-        turns = drive.kind == JointKind.ANGLE and edge.kind in (JointKind.CYLINDRICAL, JointKind.SCREW)
-        equality = self._coupling([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{self._first[edge.hold] + turns}")
+        turns = drive.kind == JointKind.ANGLE
+        moved = self._turn(edge.hold) if turns else self._first[edge.hold]
+        equality = self._coupling([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{moved}")
         return equality, edge.shift if edge.kind == JointKind.SCREW and not turns else 0.0
 
     def _hold_length(self, hold: Hold, length: float) -> int:

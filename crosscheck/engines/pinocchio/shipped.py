@@ -114,6 +114,8 @@ class SpaceExample:
     def __init__(self, system: SpaceSystem) -> None:
         self.space: Any = system.engine
         self.model, tree = self.space.model, system.tree
+        for gear in tree.numbers.gears:
+            _refuse(f"gear {gear.name!r}", "its RigidConstraintModel couples no turns")
         self.drives = [(drive, self._joint(tree.edge_of(drive), drive)) for drive in tree.numbers.drives]
         for hold in tree.closures:
             if hold.kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
