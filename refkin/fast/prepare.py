@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -146,26 +147,31 @@ def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
     kept = _bodies_needed(system, made, [*scene.wanted, *(p.body for p in scene.points)])
     if len(kept) == len(mechanism.bodies):
         return mechanism
-    known = {*kept, GROUND}
-    bound = mechanism.constraints[len(mechanism.joints) :]  # drivers that name a joint, with its bodies
+    known, first = {*kept, GROUND}, len(mechanism.joints)
+    whole = [known.issuperset(c.bodies) for c in mechanism.constraints]  # there what names a joint has its bodies
     return replace(
         mechanism,
-        bodies=tuple(b for b in mechanism.bodies if b.name in kept),
-        joints=tuple(c for c in mechanism.joints if known.issuperset(c.bodies)),
-        drivers=tuple(d for d, c in zip(mechanism.drivers, bound, strict=True) if known.issuperset(c.bodies)),
+        bodies=tuple(body for body in mechanism.bodies if body.name in kept),
+        joints=tuple(compress(mechanism.joints, whole[:first])),
+        drivers=tuple(compress(mechanism.drivers, whole[first:])),
     )
 
 
 def _bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]:
-    """Return the wanted bodies and all that their equations, and those of the bodies so found, hold."""
+    """Return the wanted bodies and all that their equations, and those of the bodies so found, hold.
+
+    A coordinate of a joint's own takes its bodies along: without them there is no such joint.
+    """
     names = [b.name for b in system.mechanism.bodies]
-    owner = {c: names[c // system.kind.width] for c in range(system.of_bodies)}
+    owners: dict[int | None, tuple[str, ...]] = {c: (names[c // system.kind.width],) for c in range(system.of_bodies)}
+    joints = (p for p in system.placed if p.constraint.parameters)
+    owners |= {p.starts[2]: tuple({*p.constraint.bodies} & {*names}) for p in joints}
     upstream: set[int] = set()
     waiting = {c for body in wanted for c in range(*system.columns(body).indices(system.n))}
     while waiting:
         upstream |= waiting
         reached = set().union(*(made.solved.depends[c] for c in waiting))
-        of_bodies = {owner[c] for c in reached if c in owner}
+        of_bodies = {body for c in reached for body in owners[c]}
         reached |= {c for body in of_bodies for c in range(*system.columns(body).indices(system.n))}
         waiting = reached - upstream
-    return {owner[c] for c in upstream if c in owner}
+    return {body for c in upstream for body in owners[c]}

@@ -241,8 +241,9 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
     phi_q, names = _slopes(system, q, t), row_names(system)
-    kinematic = sum(joint.rows for joint in system.mechanism.joints)
-    driven = sum(constraint.rows for constraint in system.mechanism.constraints)
+    constraints = system.mechanism.constraints
+    kinematic = sum(joint.rows for joint in constraints[: len(system.mechanism.joints)])
+    driven = sum(constraint.rows for constraint in constraints)
     of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, driven))
     return Mobility(of_joints, of_all, tuple(_alone(system, q, phi_q[:driven], tolerance)))
 

@@ -152,7 +152,8 @@ class _SpatialReader:
                 if isinstance(e, SpatialPointDistance):
                     links.append((c.name, exact(e.ends), self.distance(e)))
         for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
-            joints = [c for c in self.mechanism.joints if len(spin.keys() & {*c.bodies}) == 1]
+            every = self.mechanism.constraints[: len(self.mechanism.joints)]
+            joints = [c for c in every if len(spin.keys() & {*c.bodies}) == 1]
             held = [e for c in joints for e in exact(tuple(c.elements()))]
             own = [end for e in held for end in e.ends if end[0] in spin]
             if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:

@@ -126,7 +126,7 @@ class _Examination:
         self.frames, self.system, self.q, self.t, self.vanishing = frames, frames.inner, q, t, vanishing
         self.constraints = [p.constraint for p in self.system.placed for _ in range(p.constraint.rows)]
         m, every = self.system.mechanism, np.arange(self.system.m)  # rows of joints, of drivers, of bodies
-        first = sum(joint.rows for joint in m.joints)
+        first = sum(joint.rows for joint in m.constraints[: len(m.joints)])
         self.driven = every[first : first + sum(driver.rows for driver in m.constraints[len(m.joints) :])]
         self.all = balanced(self.system, q, t, every)
         self.joints = balanced(self.system, q, t, np.setdiff1d(every, self.driven))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
+from refkin import fast
 from refkin.joints import (
     GROUND,
     Cylindrical,
@@ -23,8 +24,10 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion_laws import Polynomial
+from refkin.proof.singularity.diagnosis import PoseKind
 from refkin.scenes.files import parse, to_dict
-from refkin.solving.mobility import count
+from refkin.solving.mobility import count, mobility
+from refkin.solving.starts import diagnose
 
 AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 LAW = Polynomial(coefficients=(0.2, 3.0, 1.0))
@@ -122,7 +125,18 @@ def test_a_planet_on_an_arm_drives_the_other_sun_against_it():
     assert np.max(np.abs(of_arm - 0.5)) < 1e-14
     assert np.max(np.abs(motion["other sun"].omega[2] - of_arm - against)) < 1e-13
     assert np.max(np.abs(motion.contacts["two"].sd + against)) < 1e-13  # half of -2 times
-    assert (count(scene.mechanism).mobility, len(scene.mechanism.drivers)) == (2, 2)
+    of_rank = mobility(scene.mechanism, np.append(motion.q[:, 0], [c.s[0] for c in motion.contacts.values()]))
+    assert (count(scene.mechanism).mobility, of_rank.mobility, of_rank.driven.freedoms) == (2, 2, 0)
+    assert diagnose(scene).kind is PoseKind.REGULAR
+
+
+def test_on_the_fast_path_a_wheel_alone_is_answered_with_what_turns_it():
+    scene = differential()
+    alone = replace(scene, bodies_wanted=("other sun",), evidence=frozenset())
+    motion, whole = fast.sweep(alone), refkin.solve(scene)
+
+    assert motion.verdict == "ok"
+    assert np.max(np.abs(motion.qd - whole["other sun"].qd)) < 1e-12
 
 
 def test_a_scene_of_gears_is_read_back_as_it_is_and_one_path_leads_through_it():
