@@ -59,7 +59,7 @@ SPATIAL, MOST_OF_SPACE = (9, 23), 24
 """Of `SPECIAL_EVERY` scenes, which are of space, and how many times they have at most."""
 COSTS = {
     **{"Hooke": 8.0, "double Hooke": 8.0, "Bennett": 7.0, "Bricard": 6.0, "RSSR chain": 4.0, "RSCR": 4.0},
-    **{"RSSR": 2.5, "RSSP": 2.5, "Stewart": 2.0, "screw": 1.5},
+    **{"RSSR": 2.5, "RSSP": 2.5, "Stewart": 2.0, "geared": 1.8, "screw": 1.5},
     **{"five-bar with two drivers": 2.5, "branching tree": 2.5, "six-bar": 1.7},
 }
 """How many times as long as a four-bar a scene of a kind takes, about; others take as long. Counted, a night has a
