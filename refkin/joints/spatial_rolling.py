@@ -49,7 +49,7 @@ class SpatialGear(SpatialConstraint):
         """Return the gear with the wheels and the carrier of its joints; itself if there are none."""
         turning = {joint.name: {*joint.bodies} for joint in joints if "angle" in getattr(joint, "moves", ())}
         i, j = (turning.get(name, set()) for name in self.shares)
-        if len(common := i & j) != 1 or i == j:
+        if len(i) != 2 or len(j) != 2 or len(common := i & j) != 1:
             return self
         (wheel_i,), (wheel_j,), (carrier,) = i - common, j - common, common
         own = {key: getattr(self, key) for key in names_of(SpatialGear)}
@@ -63,8 +63,8 @@ class SpatialGear(SpatialConstraint):
             if getattr(self, key) == 0.0:
                 yield Fault(f"{path}.{key}", 0.0, "a radius that is not zero")
         if not isinstance(self, WheelsInGear):
-            what = "two joints of the scene, revolute, cylindrical or screw, with one body in common: the carrier"
-            yield Fault(f"{path}.joint_i", self.joint_i, f"with joint_j {self.joint_j!r} {what}")
+            what = "two joints of the scene, revolute, cylindrical or screw, with one body in common, the carrier"
+            yield Fault(f"{path}.joint_i", self.joint_i, f"{what} (joint_j is {self.joint_j!r})")
 
 
 @dataclass(frozen=True, kw_only=True)

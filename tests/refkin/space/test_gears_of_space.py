@@ -227,6 +227,7 @@ def test_what_is_wrong_with_a_gear_is_named():
         (a, axle("B", GROUND, "b", X, kind=SpatialPrismatic), gear),
         (a, axle("B", "b", "c", X), gear),  # no body in common
         (a, axle("B", GROUND, "a", X), gear),  # two
+        (a, axle("B", GROUND, GROUND, X), gear),  # a joint of one body
     ):
         assert faults(*wrong, bodies="abc")["joint[2].joint_i"] == "A"
     assert faults(a, b, replace(gear, radius_j=0.0)) == {"joint[2].radius_j": 0.0}
