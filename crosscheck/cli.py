@@ -103,6 +103,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = USAGE
     except BrokenPipeError:
         code = UNREAD
+    except SystemExit as error:
+        if not isinstance(error.__context__, BrokenPipeError):
+            raise
+        code = UNREAD  # rich says 1 of help that nobody reads
     except OSError as error:  # no "[Errno 21]", which says nothing to who asked for it
         file = error.filename2 or error.filename
         about = f"{file}: {error.strerror}" if file and error.strerror else str(error)

@@ -247,7 +247,11 @@ def test_a_night_whose_log_nobody_reads_goes_on_to_its_end(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "asked", [("replay", GOOD, "--engines", "closed_form"), ("solve", GOOD), ("solve", GOOD, "--json")]
+    "asked",
+    [
+        *[("replay", GOOD, "--engines", "closed_form"), ("solve", GOOD), ("solve", GOOD, "--json")],
+        *[("--help",), ("solve", "--help"), ("problems",), ("--version",)],
+    ],
 )
 def test_what_nobody_reads_is_neither_a_pass_nor_a_disagreement(asked):
     assert unheard("stdout", *asked) == 141
