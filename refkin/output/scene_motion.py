@@ -123,7 +123,9 @@ class SceneMotion(Motion, Tabled):
 
         drawing = Drawing(self.scene, self)
         rates = [rate for rate, wanted in zip(RATES, (velocity, acceleration), strict=True) if wanted]
-        return Picture(drawing, 0 if t is None else int(np.argmin(np.abs(drawing.t - t))), rates)
+        first, last = drawing.t[[0, -1]]
+        near = first if t is None else np.clip(t, first, last)  # from far away all times would be as near
+        return Picture(drawing, int(np.argmin(np.abs(drawing.t - near))), rates)
 
     def animate(self, seconds: float = 4.0) -> Any:
         """Return a picture of the motion that plays by itself, `seconds` long [s]; raises as `plot` does."""

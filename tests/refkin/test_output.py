@@ -393,6 +393,7 @@ def test_what_has_no_pose_shows_no_picture_in_a_notebook(motion):
 def test_a_plot_takes_the_pose_nearest_to_a_time(motion):
     assert motion.plot(motion.t[4] + 0.01).k == 4
     assert motion.plot().k == 0
+    assert motion.plot(1e308).k == motion.plot(1e17).k == motion.t.size - 1
     assert "FourBar open, t = 0 s:" in repr(motion.plot())
     assert "FourBar open, 9 poses:" in repr(motion.animate(0.5))
     for wrong in (math.nan, math.inf):
