@@ -544,6 +544,8 @@ def terms_of(engine: Engine, *asked: Any) -> Sequence[Term]:
 def _class_of(spec: str) -> Any:
     """Return the class that a name or a path stands for."""
     where, _, name = spec.rpartition(":")
+    if where.startswith(".") and not where.endswith(".py"):
+        raise EngineError(f"engine {spec!r}: expected a file .py or a module before the colon, got {where!r}")
     try:
         if not where:
             return _registered(spec).load()
@@ -554,7 +556,10 @@ def _class_of(spec: str) -> Any:
         raise EngineError(f"engine {spec!r} cannot be imported: {why}") from error
     if not hasattr(module, name):
         raise EngineError(f"engine {spec!r}: there is no {name!r} in {where}")
-    return getattr(module, name)
+    found = getattr(module, name)
+    if not callable(found):
+        raise EngineError(f"engine {spec!r}: expected a class, got a {type(found).__name__}")
+    return found
 
 
 def _module_of_file(where: str) -> Any:

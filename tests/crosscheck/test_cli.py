@@ -274,8 +274,10 @@ def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
             "engine 'no_such_module:Engine' cannot be imported: No module named 'no_such_module'",
         ),
         (f"{FRAMES}:Linear", "lacks: name, api, version, routes, solve, capabilities, terms"),
+        (f"{FRAMES}:np", f"engine '{FRAMES}:np': expected a class, got a module"),
+        ("./frames:Engine", "engine './frames:Engine': expected a file .py or a module before the colon"),
     ],
-    ids=["no file", "no class", "no module", "no engine"],
+    ids=["no file", "no class", "no module", "no engine", "a module", "no suffix"],
 )
 def test_an_engine_of_ones_own_that_cannot_be_loaded_is_missing_with_its_reason(tmp_path, spec, reason, nightly):
     process = nightly(tmp_path, "--engines", spec, "--require-engines", spec)
