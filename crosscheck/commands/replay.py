@@ -96,8 +96,10 @@ def conform(engine: str, *, as_json: Json = False) -> int:
     """
     if not engine.strip():
         raise UsageError(f"ENGINE: expected a name, or `file.py:Class`, got {quoted(engine)}")
-    names(engine, always=())
-    installed, missing = find_engines((engine,))
+    asked = names(engine, always=())
+    if len(asked) != 1:
+        raise UsageError(f"ENGINE: expected one name, or `file.py:Class`, got {quoted(engine)}")
+    installed, missing = find_engines(asked)
     if missing:
         print(*missing.values(), sep="\n")
         return ENGINE_MISSING
