@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
+from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table, writable_folder
 from crosscheck.documents.ledger import ledger_rows, read
 from crosscheck.documents.ledger.page import closing, digits_told, tally
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, quoted
@@ -88,6 +88,7 @@ def write_set(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
     if not asked:
         families = ", ".join(sorted({draft.family for draft in drafts("")}))
         raise UsageError(f"--only: expected a part of the name of a family, got {quoted(only)}; there are: {families}")
+    writable_folder("folder", folder)
     with shown_progress(len(asked), noun="problems") as show:
         digest = export(folder, asked, processes, lambda done, of: show(done, "proving"))
     count = len(json.loads((folder / "problems.json").read_text(encoding="utf-8"))["problems"])

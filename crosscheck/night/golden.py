@@ -208,7 +208,7 @@ def read(path: Path) -> dict[str, Any]:
             parse(dict(case["scene"]))
     except FileNotFoundError as error:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
-    except (ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else error
         raise NoBaseline(f"{path} is no baseline: {why}") from error
     return dict(baseline)

@@ -149,6 +149,11 @@ def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, tex
         golden.read(path)
 
 
+def test_a_folder_is_no_baseline(tmp_path: Path) -> None:
+    with pytest.raises(NoBaseline, match=r"is no baseline: .*Is a directory"):
+        golden.read(tmp_path)
+
+
 def night(out: Path, file: Path | None, *specs: str) -> tuple[Any, Any, str]:
     plan = NightPlan(seed=1, out=out, engines=("closed_form", *specs), scenes=1, workers=1, baseline=file)
     outcome = run(plan)

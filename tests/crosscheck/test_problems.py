@@ -243,6 +243,13 @@ def test_a_family_that_is_not_there_is_told_with_those_that_are(tmp_path, comman
     assert not (tmp_path / "set").exists()
 
 
+def test_a_set_is_not_written_to_a_file(tmp_path, command):
+    (tmp_path / "set").touch()
+    told = command("problems", "export", tmp_path / "set", "--only", "guided")
+
+    assert (told.returncode, "--folder: expected a folder that can be written to, got" in told.stderr) == (2, True)
+
+
 @pytest.mark.parametrize("rows", NO_ROWS)
 def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, command, rows):
     right = truth(folder, name := "four-bars-01-open")
