@@ -132,7 +132,7 @@ def print_path(
     if until is not None and not -np.inf < min(until) < max(until) < np.inf:
         raise UsageError(f"--until: expected two different finite values, got {until[0]} and {until[1]}")
     drivers = read.mechanism.drivers
-    parameter = driver or (drivers[0].name if len(drivers) == 1 else TIME)
+    parameter = driver if driver is not None else (drivers[0].name if len(drivers) == 1 else TIME)
     try:
         driven = read if parameter == TIME else driven_by(read, parameter)
     except UnknownName as error:

@@ -113,6 +113,7 @@ def test_a_driver_that_does_not_exist_is_a_usage_error(command):
 
     assert code == 2
     assert err.strip() == "no driver is called 'wheel'; there are: driver"
+    assert command("follow", limited(), "--driver", "").returncode == 2
 
 
 def test_a_path_without_a_start_says_why(command):
