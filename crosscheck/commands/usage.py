@@ -130,7 +130,7 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
 
 
 def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
-    """Print columns of numbers as a table, as wide as it is where standard output is no terminal; return if it has any.
+    """Print columns of numbers as a table, on a terminal as several that are no wider; return if there are any.
 
     Values are (T,) each, by header. Rows that hold no number beyond so many columns at `first`, which say which row it
     is, share one row while the last of those, their status, stays the same.
@@ -152,10 +152,16 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
             times = f"{group[0][0]:.6g} ... {group[-1][0]:.6g}" if len(group) > 1 else f"{group[0][0]:.6g}"
             status = f"{group[0][first - 1]} ({len(group)} times)"
             lines.append([times, *[""] * (first - 2), status, *["-"] * (len(columns) - first)])
-    if sys.stdout.isatty():
-        console(None).print(table(*columns, rows=lines))
-    else:
-        print(boxed([printable(name) for name in columns], lines))
+    head = [printable(name) for name in columns]
+    widths = [max(map(len, column)) + 3 for column in zip(head, *lines, strict=True)]
+    room = console(None).width - 1 if sys.stdout.isatty() else math.inf
+    blocks = [list(range(first))]
+    for k in range(first, len(head)):
+        if len(blocks[-1]) > first and sum(widths[j] for j in (*blocks[-1], k)) > room:
+            blocks.append(list(range(first)))
+        blocks[-1].append(k)
+    for block in blocks:
+        print(boxed([head[k] for k in block], [[line[k] for k in block] for line in lines]))
     return True
 
 

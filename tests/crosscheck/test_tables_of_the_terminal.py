@@ -256,6 +256,23 @@ def test_rows_without_a_number_share_one_and_no_number_at_all_is_told(capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize("width", [30, 60, 200])
+def test_on_a_narrow_terminal_numbers_stand_whole_in_several_tables(monkeypatch, width):
+    """They stood in one, of columns too narrow for any number."""
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr("sys.stdout", terminal)
+    monkeypatch.setenv("COLUMNS", str(width))
+    columns = {f"c{k} [m]": [k + 1 / 3, -k - 2 / 3] for k in range(5)}
+    usage.print_numbers({"t [s]": [0.0, 0.5], "status": ["ok", "ok"], **columns}, 2)
+    lines = terminal.getvalue().splitlines()
+    cells = [cell.strip() for line in lines for cell in line.split("│")[1:-1]]
+
+    assert max(map(len, lines)) <= max(width, 39)
+    assert {f"{x:.15g}" for column in columns.values() for x in column} <= {*cells}
+    assert cells.count("0.5") == sum(line.startswith("┏") for line in lines) == {30: 5, 60: 3, 200: 1}[width]
+
+
 @pytest.mark.parametrize(("count", "minutes", "part"), [(8, None, "25%"), (None, 2.0, "50%")])
 def test_a_bar_shows_the_part_that_is_done_of_a_count_or_of_the_time(monkeypatch, count, minutes, part):
     shown: list[Any] = []
