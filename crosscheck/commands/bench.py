@@ -51,7 +51,7 @@ def bench(
         raise UsageError(f"--only: no workload is called {unknown[0]!r}; there are: {there}")
     producers = (*OURS, *names(engines, always=()))
     parts, hung = list[dict[str, Any]](), dict[Key, str]()
-    asked = only or list(workloads.WORKLOADS)
+    asked = [*dict.fromkeys(only or workloads.WORKLOADS)]
     with shown_progress(len(asked), noun="workloads") as show:
         for name in asked:
             show(len(parts), name)

@@ -502,6 +502,15 @@ def test_a_workload_nobody_has_heard_of_is_a_usage_error(command):
     assert "no workload is called 'sweep-12'; there are: sweep-1000, many-10000x360" in told.stderr
 
 
+def test_a_workload_that_is_named_twice_is_measured_once(command, monkeypatch):
+    asked = []
+    part = {"rows": [], "absent": [], "versions": {}, "machine": {}}
+    monkeypatch.setattr("crosscheck.commands.bench.measured_apart", lambda name, *_: asked.append(name) or part)
+
+    assert command("bench", "--only", "chain-10", "--only", "chain-10", "--json").returncode == 0
+    assert asked == ["chain-10"]
+
+
 RESULTS = sorted((Path(__file__).parents[2] / "reports").glob("bench-*.json"))
 
 
