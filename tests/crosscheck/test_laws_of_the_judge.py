@@ -503,22 +503,20 @@ def test_half_the_angle_of_a_screw_counts_its_turns():
     u_i, u_j, pitch, shift = np.array([0.3, -1.2, 0.7]), np.array([-0.4, 0.6, 0.9]), 0.25, 0.4
     ends = {"body_i": "i", "body_j": "j", "u_i": u_i, "u_j": u_j, "frame_i": frame_i, "frame_j": frame_j}
     hold = Hold(name="h", kind=JointKind.SCREW, **ends, pitch=pitch, shift=shift)
-    angle = np.array([np.linspace(-20.0, 20.0, 6), *NUMBERS.normal(size=(2, 6))])
+    angle = np.linspace(-20.0, 20.0, 6)
     i = turning(6)
-    between_them = product_of(product_of(still(parameters(frame_i)), about((0.0, 0.0, 1.0), angle)),
-                              still(conjugate(parameters(frame_j))))  # fmt: skip
+    about_z = about((0.0, 0.0, 1.0), np.array([angle, 0.0 * angle, 0.0 * angle]))
+    between_them = product_of(product_of(still(parameters(frame_i)), about_z), still(conjugate(parameters(frame_j))))
     j = product_of(i, between_them)
     r_i = NUMBERS.normal(size=(6, 3))
-    arm = [carried_point(i, u_i + frame_i[:, 2] * (shift + pitch * a))[0][k] for k, a in enumerate(angle[0])]
+    arm = [carried_point(i, u_i + frame_i[:, 2] * (shift + pitch * a))[0][k] for k, a in enumerate(angle)]
     r_j = r_i + arm - carried_point(j, u_j)[0]
-    longer = [1.001 * x for x in (j[0], j[1] + 0.3 * j[0], j[2] + 0.6 * j[1] - 0.2 * j[0])]  # no parameters of a turn
-    bodies = (
-        [np.concatenate([r, x], axis=1) for r, x in zip((r, r + 7.0, r - 7.0), p, strict=True)]
-        for r, p in ((r_i, i), (r_j, longer))
-    )
+    longer = 1.001 * j[0]  # no parameters of a turn
+    poses = np.concatenate([r_i, i[0]], axis=1), np.concatenate([r_j, longer], axis=1)
 
-    for half, expected in zip(_half_angle(hold, *bodies), angle / 2, strict=True):
-        assert half == pytest.approx(expected, abs=1e-11)
+    assert _half_angle(hold, *poses) == pytest.approx(angle / 2, abs=1e-11)
+    in_the_turn_about_0 = [math.remainder(a, math.tau) / 2 for a in angle]
+    assert _half_angle(replace(hold, pitch=0.0), *poses) == pytest.approx(in_the_turn_about_0, abs=1e-11)
 
 
 def test_a_joint_is_reversed_beyond_a_right_angle():
