@@ -46,7 +46,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         if c.kind is not own:
             yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
             return
-        for key in () if hasattr(c, "joint") else ("body", *BODIES, "relative_to"):  # else its joint's
+        for key in () if c.shares or hasattr(c, "joint") else ("body", *BODIES, "relative_to"):  # else its joints'
             if (body := getattr(c, key, GROUND)) not in known:
                 yield _no_body(f"{path}.{key}", body, known)
         if c.bodies[0] == c.bodies[1]:

@@ -230,6 +230,10 @@ def test_what_is_wrong_with_a_gear_is_named():
         (a, axle("B", GROUND, GROUND, X), gear),  # a joint of one body
     ):
         assert faults(*wrong, bodies="abc")["joint[2].joint_i"] == "A"
+    held = axle("A", "a", "a", Z), axle("B", "a", "b", Z)  # one of them has one body at both ends
+    assert faults(*held, gear) == {"joint[0]": "a", "joint[2].joint_i": "A", "driver[0]": "a"}
+    lost = axle("A", "far", "a", Z), axle("B", "far", "b", Z)  # a gear has no keys of bodies
+    assert faults(*lost, gear) == {"joint[0].body_i": "far", "joint[1].body_i": "far"}
     assert faults(a, b, replace(gear, radius_j=0.0)) == {"joint[2].radius_j": 0.0}
     assert faults(a, replace(b, zero_i=None), gear) == {"joint[1].zero_i": None}
     assert faults(a, b, replace(gear, phi0_i=math.inf)) == {"joint[2].phi0_i": math.inf}
