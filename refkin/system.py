@@ -196,7 +196,8 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     for c in mechanism.constraints:
         owners[c.name] = range(n, n := n + c.parameters)
     for c in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
-        where = (*(starts[b] for b in c.bodies), *(k for name in (c.name, *c.shares) for k in owners.get(name, ())))
+        owning = (c.name, *c.shares) if c.parameters else c.shares  # rows of a body may have a joint's name
+        where = (*(starts[b] for b in c.bodies), *(k for name in owning for k in owners.get(name, ())))
         placed.append(ConstraintRows(c, _geometry(c, unit), row, where))
         row += c.rows
     return System(mechanism, effects, unit, tuple(placed), n, row, kind)

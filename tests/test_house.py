@@ -81,8 +81,8 @@ def test_the_reference_is_read_in_one_sitting():
     joints = [path for path in sources("refkin/joints") if path.name not in LATER]
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
-    assert lines(spine) <= 1198
-    assert lines(spine) + lines(joints) - lines(of_space) <= 1943
+    assert lines(spine) <= 1199
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1944
     assert lines(of_space) <= 1093  # the second chapter that may be left for another day: bodies of space
 
 

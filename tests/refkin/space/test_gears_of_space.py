@@ -148,6 +148,23 @@ def test_a_scene_of_gears_is_read_back_as_it_is_and_one_path_leads_through_it():
     assert path.t[-1] == 1.0
 
 
+def test_a_joint_in_gear_may_have_the_name_of_its_wheel():
+    joints = axle("a", GROUND, "a", Z), axle("b", GROUND, "b", X), mesh("a", 0.5, "b", 0.25)
+    bodies = turned("a", LAW(0.0), Z), turned("b", -2 * LAW(0.0), X)
+    motion = refkin.solve(Scene(mechanism=Mechanism(bodies, joints, (driven("a"),)), times=TIMES))
+
+    assert motion.verdict == "ok"
+    assert motion.contacts["b"].sd == pytest.approx(-3.0 - 2.0 * motion.t, abs=1e-13)
+
+
+def test_a_sweep_of_a_wheel_takes_its_gear_and_leaves_out_what_hangs_on_it():
+    scene = replace(differential(), bodies_wanted=("planet",), evidence=frozenset())
+    motion = sweep(scene)
+
+    assert "other sun" in motion.message
+    assert motion["planet"].q == pytest.approx(refkin.solve(scene)["planet"].q, abs=1e-14)
+
+
 @pytest.mark.parametrize("order", [*permutations(range(5))][::11])
 def test_turns_begin_where_laws_are_and_go_from_wheel_to_wheel(order):
     """Three turns on: at a ratio of 1 to 2 the second wheel has turned by one and a half, and is half a turn round."""
