@@ -304,7 +304,8 @@ def _in_common_columns(slope: Any, gamma: Any, at: Configuration) -> tuple[Any, 
 def _expected(model: ConstraintModel, at: Configuration, maps: Sequence[RowMap]) -> dict[Level, tuple[Any, Any]]:
     """Return the rows that the engine must have, and the allowed errors, at every level."""
     system, ours = at.in_form(getattr(model, "form", ""))
-    first_row = {p.constraint.name: p.row for p in system.placed}
+    given = system.placed[: len(system.mechanism.constraints)]  # without rows of bodies, some named as a joint is
+    first_row = {p.constraint.name: p.row for p in given}
     if any(m.either for m in maps):
         maps = _signed(maps, model.residual(at.q, at.t), ours[Level.RESIDUAL][0], first_row)
     return _mapped(maps, [first_row[m.constraint] + m.row for m in maps], ours)

@@ -206,3 +206,12 @@ def test_what_exudyn_loses_of_parameters_far_from_still_is_not_called_a_wrong_mo
 
     assert [d for d in record.disagreements if d.method in ("rows", "static")] == []
     assert 0.0 < max(row.ratio for row in record.levels) < 0.5
+
+
+def test_a_row_is_held_against_that_of_its_driver_though_a_body_with_a_row_has_the_same_name():
+    scene = space_scenes.rssr()
+    (crank, *_), (motor,) = scene.mechanism.bodies, scene.mechanism.drivers
+    named = replace(scene, mechanism=replace(scene.mechanism, drivers=(replace(motor, name=crank.name),)))
+    record = check(named, ["exudyn"])
+
+    assert [d for d in record.disagreements if d.method == "rows"] == []
