@@ -29,6 +29,7 @@ from refkin.scenes import files
 
 from . import space_scenes
 
+AXES = {"axis": (0.0, 0.0, 1.0), "zero": (1.0, 0.0, 0.0)}
 CORPUS = Path(__file__).parents[1] / "corpus"
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
@@ -215,3 +216,20 @@ def test_a_row_is_held_against_that_of_its_driver_though_a_body_with_a_row_has_t
     record = check(named, ["exudyn"])
 
     assert [d for d in record.disagreements if d.method == "rows"] == []
+
+
+def test_the_shift_of_a_joint_in_gear_is_a_row_that_exudyn_has():
+    """It has none of its turn: that is counted by a coordinate which no engine has."""
+    at, along = (0.0, 0.0, 0.0), {f"{key}_{end}": v for key, v in AXES.items() for end in "ij"}
+    ends = [{"body_i": "ground", "point_i": at, "body_j": body, "point_j": at, **along} for body in "ab"]
+    sleeves = [refkin.Cylindrical(name=name, **own) for name, own in zip("AB", ends, strict=True)]
+    gear = refkin.SpatialGear(name="G", joint_i="A", radius_i=0.5, joint_j="B", radius_j=0.25)
+    shifts = [
+        refkin.DisplacementDriver(name=f"shift {name}", joint=name, law=Polynomial(coefficients=(0.1, 0.2)))
+        for name in "AB"
+    ]
+    turn = refkin.SpatialAngleDriver(name="turn", joint="A", law=Polynomial(coefficients=(0.2, 1.0)))
+    mechanism = Mechanism((Body(name="a"), Body(name="b")), (*sleeves, gear), (turn, *shifts))
+    record = check(Scene(mechanism=mechanism, times=(0.0, 1.0)), ["exudyn"])
+
+    assert record.disagreements == []

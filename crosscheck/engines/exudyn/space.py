@@ -305,8 +305,9 @@ class ExudynSpaceRows(ExudynSpace):
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
         holds = [hold for hold in numbers.holds if hold.name in known]
-        # the driver of a joint whose turns count has a coordinate for them, which the adapter makes none of
-        drives = [d for d in numbers.drives if d.name in known and d.hold.name not in numbers.counted]
+        # the driver of turns that count has a coordinate for them, which the adapter makes none of
+        counted = {d.name for d in numbers.drives if d.hold.name in numbers.counted and d.kind == JointKind.ANGLE}
+        drives = [d for d in numbers.drives if d.name in known - counted]
         super().__init__(numbers, holds, drives)
         self.rows: Sequence[RowMap] = tuple(
             RowMap(constraint=line.name, row=line.row, engine_row=k, factor=line.factor, form=line.form)
