@@ -55,9 +55,6 @@ class SpatialGear(SpatialConstraint):
         own = {key: getattr(self, key) for key in names_of(SpatialGear)}
         return WheelsInGear(**own, body_i=wheel_i, body_j=wheel_j, carrier=carrier)
 
-    def reach(self) -> float:
-        return max(abs(self.radius_i), abs(self.radius_j))
-
     def faults(self, path: str) -> Iterator[Fault]:
         for key in ("radius_i", "radius_j"):
             if getattr(self, key) == 0.0:

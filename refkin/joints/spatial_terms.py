@@ -29,7 +29,7 @@ from __future__ import annotations
 from typing import Any
 
 from refkin.joints.base import Blocks, Rows, Unit
-from refkin.joints.spatial_frames import axes, points, turns
+from refkin.joints.spatial_frames import about, axes, points, turns
 from refkin.joints.spatial_vectors import Arm, Quaternion, SpatialValues, Vec3
 from refkin.vec import Scalar, cosine_and_sine
 
@@ -340,12 +340,13 @@ class TurnCount(SpatialRows):
 
 
 class InGear(SpatialRows):
-    """Two turns are in proportion: R_i (2 s_i - phi0_i) + R_j (2 s_j - phi0_j) = 0, s half an angle, a coordinate."""
+    """Two turns are in proportion: R_i (2 s_i - phi0_i) + R_j (2 s_j - phi0_j) = 0 over the larger R."""
 
     size = 4
 
     def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
-        return c.radius_i / unit.size, c.radius_j / unit.size, c.phi0_i, c.phi0_j
+        largest = max(about(abs(c.radius_i)), about(abs(c.radius_j)))  # only their ratio counts
+        return c.radius_i / largest, c.radius_j / largest, c.phi0_i, c.phi0_j
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, carrier: Any, *own: Any) -> Rows:
         return (g[0] * (2 * own[0].value - g[2]) + g[1] * (2 * own[1].value - g[3]),)

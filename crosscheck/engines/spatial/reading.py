@@ -132,7 +132,7 @@ class Drive:
 
 @dataclass(frozen=True, kw_only=True)
 class Wheels:
-    """A gear: radius times turn of two joints, from i to j and turns counted, add up to `sum`; lengths over size."""
+    """A gear: radius times turn of two joints, from i to j, turns counted, add up to `sum`; radii over the larger."""
 
     name: str
     joints: tuple[str, str]
@@ -282,17 +282,15 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
     )
     bodies = tuple(body.name for body in mechanism.bodies)
     holds = tuple(hold for _, hold in whole)
-    gears = tuple(
-        Wheels(
-            name=e.name,
-            joints=(e.joint_i, e.joint_j),
-            radii=(e.radius_i / unit.size, e.radius_j / unit.size),
-            sum=(e.radius_i * e.phi0_i + e.radius_j * e.phi0_j) / unit.size,
-        )
-        for e in joints.elements_of(mechanism.constraints)
-        if isinstance(e, joints.GearedTurns)
-    )
+    wheels = [e for e in joints.elements_of(mechanism.constraints) if isinstance(e, joints.GearedTurns)]
+    gears = tuple(_wheels(e, max(abs(e.radius_i), abs(e.radius_j))) for e in wheels)
     return Numbers(bodies=bodies, holds=holds, drives=drives, gears=gears, size=unit.size, origin=origin)
+
+
+def _wheels(e: Any, largest: float) -> Wheels:
+    radii = e.radius_i / largest, e.radius_j / largest
+    total = radii[0] * e.phi0_i + radii[1] * e.phi0_j
+    return Wheels(name=e.name, joints=(e.joint_i, e.joint_j), radii=radii, sum=total)
 
 
 def _moved(driver: Given, holds: Sequence[tuple[Given, Hold]]) -> Iterator[Hold]:

@@ -102,6 +102,16 @@ def test_wheels_are_where_the_angles_say_within_the_radii_and_count_turns():
     assert motion.contacts["A"].sd == pytest.approx(1.5 + motion.t, abs=1e-13)
 
 
+@pytest.mark.parametrize("size", [2.0**-30, 2.0**30])
+def test_only_the_ratio_of_radii_counts(size):
+    axis, at, radii, *_ = TOUCHING["spur"]
+    motion, scaled = (refkin.solve(pair(axis, at, (k * radii[0], k * radii[1]))) for k in (1.0, size))
+
+    assert scaled.verdict == "ok"
+    for key in ("q", "qd", "qdd", "sigma_min", "condition"):
+        assert np.array_equal(getattr(scaled, key), getattr(motion, key))
+
+
 def differential(law: Polynomial = LAW) -> Scene:
     """Return an arm, two suns and a planet between them; the arm turns, and one sun against it. Gears stand first."""
     axles = (

@@ -109,7 +109,7 @@ def stated(c, q, unit, e):
         return [h @ d - shift, 2 * (e[3] * np.cos(q[-1]) - e[0] * np.sin(q[-1]))]
 
     def gear():
-        return [(0.4 * (2 * q[-2] - 0.3) - 1.1 * (2 * q[-1] + 0.7)) / unit.size]
+        return [(0.4 * (2 * q[-2] - 0.3) - 1.1 * (2 * q[-1] + 0.7)) / 1.1]
 
     def counted():
         return [2 * (e[3] * np.cos(q[-1]) - e[0] * np.sin(q[-1]))] if isinstance(c, Counted) else []
