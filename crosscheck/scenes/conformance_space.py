@@ -124,13 +124,14 @@ def _geared(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
         along: Any = {f"axis_{end}": axis for end in "ij"} | {f"zero_{end}": Y for end in "ij"}
         return SpatialRevolute(name=name, **ends(i, AT, j, AT), **along)
 
-    def mesh(i: str, radius_i: float, j: str, radius_j: float) -> SpatialGear:
-        return SpatialGear(name=f"{i} {j}", joint_i=i, radius_i=radius_i, joint_j=j, radius_j=radius_j)
+    def mesh(i: str, radius_i: float, j: str, radius_j: float, **zeros: Any) -> SpatialGear:
+        return SpatialGear(name=f"{i} {j}", joint_i=i, radius_i=radius_i, joint_j=j, radius_j=radius_j, **zeros)
 
     motor = SpatialAngleDriver(name=MOTOR, joint="one", law=law)
-    poses = {"wheel": (*AT, 0.85, 0.0, 0.0, 0.53), "pinion": (*AT, 0.45, -0.54, 0.0, -0.71)}
+    poses = {"wheel": (*AT, 0.85, 0.0, 0.0, 0.53), "pinion": (*AT, 0.89, -0.28, 0.0, -0.37)}
     wheels = axle("one", GROUND, "wheel", Z), axle("two", GROUND, "pinion", tilted)
-    yield "gear, bevel wheels", _scene(times, poses, (*wheels, mesh("one", 0.5, "two", 0.25)), motor)
+    bevel = mesh("one", 0.5, "two", 0.25, phi0_i=0.3, phi0_j=0.7)
+    yield "gear, bevel wheels", _scene(times, poses, (*wheels, bevel), motor)
     slow = Polynomial(coefficients=(0.0, 0.5))
     arm = SpatialAngleDriver(name="arm", joint="shaft", law=slow)
     poses = {"arm": rest, "sun": (*AT, 0.85, 0.0, 0.0, 0.53), "planet": (*AT, 0.45, -0.89, 0.0, 0.0)}

@@ -107,7 +107,7 @@ SpatialRevolute.counted, Cylindrical.counted = CountedRevolute, CountedCylindric
 class SpatialPrismatic(OfLines):
     """A slide: a cylindrical joint that does not turn, its zeros in one direction."""
 
-    needs_zeros = True
+    needs_zeros = "a prismatic joint"
     type: Literal["prismatic"] = "prismatic"
     formulas = (PARALLEL, ON_AXIS, UNTURNED)
     angle = 0.0
@@ -119,7 +119,7 @@ class SpatialPrismatic(OfLines):
 class SpatialFixed(OfLines):
     """Two bodies move as one: their points, axes and zeros are the same."""
 
-    needs_zeros = True
+    needs_zeros = "a fixed joint"
     type: Literal["fixed"] = "fixed"
     formulas = (Meet(), PARALLEL, UNTURNED)
     angle = 0.0
@@ -133,7 +133,7 @@ class Screw(OwnTurn, OfLines):
     The angle counts turns, at first in the turn where estimates lie.
     """
 
-    needs_zeros = True
+    needs_zeros = "a screw joint"
     pitch: float
     shift: float = 0.0
     type: Literal["screw"] = "screw"

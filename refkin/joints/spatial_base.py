@@ -112,6 +112,8 @@ class OwnTurn:
 class Counted(OwnTurn):
     """What a joint has that does so because a gear names it: one row more, that of its angle."""
 
+    needs_zeros = "a gear that counts its turns"
+
     @property
     def terms(self) -> tuple[SpatialRows, ...]:
         return (*super().terms, Angle(counted=True))  # type: ignore[misc]
@@ -125,12 +127,6 @@ class Counted(OwnTurn):
         sine, cosine = rows(np.array([0.0, -0.5 * np.pi]))[-1]
         half = np.arctan2(sine, cosine)
         return half - np.pi * np.round(half / np.pi)
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        yield from super().faults(path)  # type: ignore[misc]
-        for key in ("zero_i", "zero_j"):
-            if getattr(self, key) is None:
-                yield Fault(f"{path}.{key}", None, f"`{key}`, a vector across the axis, as a gear counts its turns")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,13 +156,14 @@ class OfFrames(OfAxes):
     zero_i: Triple | None = None
     zero_j: Triple | None = None
     form: Form = "half"
-    needs_zeros: ClassVar[bool] = False
+    needs_zeros: ClassVar[str] = ""
+    """Who needs the zeros, in words; nobody by default."""
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from super().faults(path)
         for key in ("zero_i", "zero_j"):
             if self.needs_zeros and getattr(self, key) is None:
-                yield Fault(f"{path}.{key}", None, f"`{key}`, a vector across the axis: a {self.type} joint needs it")
+                yield Fault(f"{path}.{key}", None, f"`{key}`, a vector across the axis: {self.needs_zeros} needs it")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.spatial.turning import joint_frame, parameters
+from crosscheck.scenes.conformance import questions
 from refkin.joints import (
     GROUND,
     Cylindrical,
@@ -114,6 +115,14 @@ def screw_jack() -> Scene:
     return scene("screw jack", bodies, (screw, rail, rod), motor("H"))
 
 
+def bevel_wheels() -> Scene:
+    return next(question.scene for question in questions() if question.about == "space: gear, bevel wheels")
+
+
+def gears_on_an_arm() -> Scene:
+    return next(question.scene for question in questions() if question.about == "space: gears on an arm")
+
+
 def two_slides() -> Scene:
     """A cylindrical joint driven in both ways, and a slider that a distance ties to it."""
     joint = Cylindrical(name="C", **between(GROUND, AT, "arm", AT), **axes((0.2, 0.1, 1.0), X, Z, X))
@@ -128,3 +137,4 @@ def two_slides() -> Scene:
 
 
 ALL = (rssr, rssr_by_distance, rssr_by_a_cylinder, rssp, bennett, double_hooke, screw_jack, two_slides)
+GEARED = (bevel_wheels, gears_on_an_arm)

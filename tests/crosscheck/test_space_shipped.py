@@ -9,7 +9,6 @@ import pytest
 
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DisplacementDriver
 from refkin.model import Scene
@@ -33,14 +32,6 @@ def lifted() -> Scene:
     return replace(jack, mechanism=replace(jack.mechanism, joints=joints, drivers=(lift,)))
 
 
-def bevel_wheels() -> Scene:
-    return next(question.scene for question in questions() if question.about == "space: gear, bevel wheels")
-
-
-def gears_on_an_arm() -> Scene:
-    return next(question.scene for question in questions() if question.about == "space: gears on an arm")
-
-
 def stewart() -> Scene:
     return Stewart.three_three().scene(speed=1.0, samples=13)
 
@@ -61,7 +52,7 @@ def shipped(engine: str, scene: Scene) -> tuple[Motion, float]:
 
 
 SPACE = (space_scenes.rssr, space_scenes.rssr_by_distance, space_scenes.rssp, space_scenes.bennett, hooke)
-MUJOCO = (*SPACE, space_scenes.screw_jack, space_scenes.two_slides, lifted, stewart, bevel_wheels, gears_on_an_arm)
+MUJOCO = (*SPACE, space_scenes.screw_jack, space_scenes.two_slides, lifted, stewart, *space_scenes.GEARED)
 
 
 @pytest.mark.parametrize("make", MUJOCO, ids=lambda make: make.__name__)
@@ -89,7 +80,7 @@ REFUSED = [
     ("pinocchio", space_scenes.double_hooke, "universal 'U2'"),
     ("pinocchio", space_scenes.rssr_by_distance, "distance 'L'"),
     ("pinocchio", space_scenes.screw_jack, "angle 'motor'"),
-    ("pinocchio", bevel_wheels, "gear 'one two'"),
+    ("pinocchio", space_scenes.bevel_wheels, "gear 'one two'"),
 ]
 
 

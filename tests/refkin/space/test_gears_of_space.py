@@ -100,6 +100,9 @@ def test_wheels_are_where_the_angles_say_within_the_radii_and_count_turns():
     assert np.max(motion.certified_radius.position) < 1e-13
     assert motion.contacts["B"].s == pytest.approx(angle / 2, abs=1e-13)
     assert motion.contacts["A"].sd == pytest.approx(1.5 + motion.t, abs=1e-13)
+    ratio = -radii[0] / radii[1]
+    assert motion["b"].omega == pytest.approx(np.outer(axis, ratio * (3.0 + 2.0 * motion.t)), abs=1e-13)
+    assert motion["b"].alpha == pytest.approx(np.outer(axis, ratio * np.full(len(motion.t), 2.0)), abs=1e-11)
 
 
 @pytest.mark.parametrize("size", [2.0**-30, 2.0**30])
