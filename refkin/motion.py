@@ -161,7 +161,7 @@ class Motion:
     (T,) [s]; in space seven, x, y, z, e0, e1, e2, e3. None: not called for; NaN: no answer, which never has status ok.
     `residual`, `sigma_min`, `condition` (T,) are the largest component of phi, the smallest singular value and the
     condition number of phi_q, of the scaled system. `points` and `contacts` say by name how the wanted points move, and
-    the contact parameters of cams.
+    the own coordinates of joints.
     """
 
     t: Array

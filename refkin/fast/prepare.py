@@ -13,7 +13,7 @@ from refkin.errors import RefkinError, expect
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.elimination.program import Program
 from refkin.fast.residual import without_zeros
-from refkin.joints import GROUND
+from refkin.joints import GROUND, SPACE
 from refkin.model import Evidence, Mechanism, Scene
 from refkin.motion import Status
 from refkin.proof.formulas import agreeing
@@ -125,7 +125,8 @@ def legend(scene: Scene) -> str:
             kind = p.constraint.type
             lines.append(f"# g[{k}, ..], f[{k}, law, order] = geometry and laws of {p.constraint.name} ({kind})")
             if p.constraint.parameters:
-                lines.append(f"# q[{p.starts[2]}] = contact parameter of {p.constraint.name}")
+                what = "half the angle" if ready.system.kind is SPACE else "contact parameter"
+                lines.append(f"# q[{p.starts[2]}] = {what} of {p.constraint.name}")
     return "\n".join([*lines, ""])
 
 
