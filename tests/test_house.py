@@ -83,14 +83,14 @@ def test_the_reference_is_read_in_one_sitting():
 
     assert lines(spine) <= 1199
     assert lines(spine) + lines(joints) - lines(of_space) <= 1944
-    assert lines(of_space) <= 1089  # the second chapter that may be left for another day: bodies of space
+    assert lines(of_space) <= 1106  # the second chapter that may be left for another day: bodies of space
 
 
 def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 61_514
+    assert size["refkin"] + size["crosscheck"] <= 61_536
     assert size["tests"] <= 49_509
 
 

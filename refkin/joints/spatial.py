@@ -5,7 +5,7 @@ solved and which elements it `consists_of`, and name it in `SPATIAL_JOINT_TYPES`
 in one of three forms where these differ:
 
 ========= ========================================================================================================
-`half`    of full rank and without false roots: half angles (`spatial_terms`)
+`half`    of full rank and without false roots: half angles (`spatial_turns`)
 `dot`     of full rank, by dot products, as exudyn has its rows; zero as well where an axis is reversed
 `printed` cross products, as Shabana prints them (Computational Dynamics, 7): more rows than are independent
 ========= ========================================================================================================
@@ -35,7 +35,8 @@ from refkin.joints.spatial_elements import (
     TurnAboutAxis,
 )
 from refkin.joints.spatial_rolling import SpatialGear as SpatialGear
-from refkin.joints.spatial_terms import Across, Angle, Crossed, Guide, Meet, Span, SpatialRows, Thread, Turn
+from refkin.joints.spatial_terms import Across, Crossed, Guide, Meet, Span, SpatialRows, Thread
+from refkin.joints.spatial_turns import Angle, Turn
 
 PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
 ON_AXIS: Formed = dict.fromkeys(("half", "dot"), Guide("fi gi")) | {"printed": Crossed(gap=True)}

@@ -15,7 +15,8 @@ from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.elements import Element, Triple, names_of
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_frames import across
-from refkin.joints.spatial_terms import Angle, SpatialRows, blocks_of
+from refkin.joints.spatial_terms import SpatialRows, blocks_of
+from refkin.joints.spatial_turns import Angle
 from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]

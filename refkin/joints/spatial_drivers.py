@@ -18,7 +18,8 @@ from refkin.joints.spatial import SPATIAL_JOINT_TYPES
 from refkin.joints.spatial_base import BetweenSpatialPoints, SpatialConstraint
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
-from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, TurnCount
+from refkin.joints.spatial_terms import Guide, Sine, Span
+from refkin.joints.spatial_turns import Angle, TurnCount
 
 
 @dataclass(frozen=True, kw_only=True)

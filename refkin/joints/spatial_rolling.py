@@ -16,7 +16,7 @@ from refkin.joints.base import Constraint
 from refkin.joints.elements import GROUND, names_of
 from refkin.joints.spatial_base import SpatialConstraint
 from refkin.joints.spatial_elements import GearedTurns
-from refkin.joints.spatial_terms import InGear
+from refkin.joints.spatial_turns import InGear
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Counted, Sp
 from refkin.joints.spatial_bodies import with_unit_length
 from refkin.joints.spatial_frames import across, frame, parameters_of
 from refkin.joints.spatial_passive import passive_spins
-from refkin.joints.spatial_terms import relative
+from refkin.joints.spatial_turns import relative
 from refkin.joints.spatial_vectors import SpatialValues, Vec3
 from refkin.model import Body
 from refkin.motion import BodyMotion
