@@ -20,7 +20,8 @@ three terms instead of two) and down a chain of frames (each pose composed of tw
 times the operations. The other side of a comparison, the reference, is off by no more than its certified radius, and no
 more than an engine without terms; the smaller is added, component by component. Velocity and acceleration are
 solutions of linear systems: LU adds a backward error, a residual whose two-norm is n u of the largest row of |J| |x|
-(`_solve_error`).
+(`_solve_error`). That and all else of which only the largest counts is of each part of the mechanism by itself
+(`crosscheck.judge.parts`).
 
 What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason. Where
 it leaves that in rows of another form, y = M(q) phi, its rates satisfy y' = M phi' + M' phi = 0, and not phi' = 0: so
@@ -37,6 +38,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
+from crosscheck.judge.parts import by_part, parts_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from crosscheck.scenes.names import QUANTITIES
 from refkin.motion import Motion, Status
@@ -92,7 +94,7 @@ class Carried:
         return [_times(matrix, error) for matrix in (self.phi, self.nu, self.gamma)[level]]
 
     def of_norm(self, in_nu: Any, in_gamma: Any) -> list[Any]:
-        """Return what residuals of which only the two-norms (T,) are known do to the three levels."""
+        """Return what residuals do to the three levels of which each part's norms are known, (n, T)."""
         velocity, by_velocity, acceleration = (np.sqrt(np.einsum("nmt,nmt->nt", a, a)) for a in (*self.nu, *self.gamma))
         return [0.0, velocity * in_nu, by_velocity * in_nu + acceleration * in_gamma]
 
@@ -108,9 +110,9 @@ class Propagation:
 
     `levels` are its coordinates and rates (n, T), `e` the errors of the residuals of the three levels (m, T) before an
     engine adds its own, `solving` what solving for rates adds to the levels, `size` what stands in their equations,
-    `rates` the largest rate, acceleration and square of a rate (T,), `rounding` what handing a result over costs, and
-    `radius` (T,) how far the reference itself may be off; NaN where it has no certificate. Where a level `rests`,
-    (3, T) of bool, nothing is left of the right side of its equations but rounding.
+    `rates` the largest rate, acceleration and square of a rate in the same part (n, T), `rounding` what handing a
+    result over costs, and `radius` (T,) how far the reference itself may be off; NaN where it has no certificate. Where
+    a level `rests`, (3, T) of bool, nothing is left of the right side of its equations but rounding.
     """
 
     system: System
@@ -159,8 +161,8 @@ class Propagation:
     def left(self, order: int, t: float) -> Any:
         """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
         k = int(np.flatnonzero(self.t == t)[0])
-        slope = np.abs(self.system.phi_q(self.levels[0][:, k], t))
-        solving = _solve_error(self.size[order][:, k]) if order else 0.0
+        slope, rows = np.abs(self.system.phi_q(self.levels[0][:, k], t)), parts_of(self.system).rows
+        solving = by_part(_solve_error, self.size[order][:, k], rows, rows) if order else 0.0
         return self.e[order][:, k] + np.sum(slope * self.rounding[order][..., k], axis=1) + solving
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
@@ -221,7 +223,8 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     e_nu = SAFETY * off_by(slope, qd, nu)[1]
     bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
     e_gamma = SAFETY * off_by(slope, qdd, gamma)[1]
-    rate = np.max(np.abs(qd), axis=0)
+    own = parts_of(system)
+    rate, bend = (by_part(largest, x, own.coordinates, own.coordinates) for x in (qd, qdd))
     e = tuple(e + table_error(system, exactly, order) for order, e in enumerate((e_phi, e_nu, e_gamma)))
     still, steady = ((np.abs(right) <= off).all(axis=0) for (right, _), off in zip((nu, gamma), e[1:], strict=True))
     carry = carried(system, q, qd, qdd, t)
@@ -233,9 +236,9 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         count=len(motion.t),
         carried=carry,
         e=e,
-        solving=carry.of_norm(_solve_error(moving), _solve_error(bending)),
+        solving=carry.of_norm(*(by_part(_solve_error, x, own.rows, own.coordinates) for x in (moving, bending))),
         size=(e_phi, moving, bending),
-        rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
+        rates=(np.zeros_like(rate), rate, bend + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
         rests=np.array([np.zeros_like(still), still, still & steady]),
@@ -304,6 +307,11 @@ def _times(matrix: Any, vector: Any) -> Any:
 def _stacked(matrices: Any) -> Any:
     """Return (m, n, T) as (T, m, n), of which products are taken sample by sample."""
     return np.ascontiguousarray(np.moveaxis(matrices, -1, 0))
+
+
+def largest(values: Any) -> Any:
+    """Return the largest magnitude (T,) of some rows (K, T)."""
+    return np.max(np.abs(values), axis=0)
 
 
 def _solve_error(size: Any) -> Any:
@@ -402,8 +410,8 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
     A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
-    rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. In metres a
-    pose is rounded relative to its distance from the scene's origin, which is not ours.
+    rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. The bodies are
+    those of one part. In metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
 
     Parameters
     ----------
@@ -411,15 +419,13 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     q, qd, qdd : (n, T) array
         The solution, in the system's coordinates.
     """
-    arms = len(system.mechanism.bodies)
-    metres = np.abs(system.to_physical(q))
+    own, metres = parts_of(system).coordinates, np.abs(system.to_physical(q))
+    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width
     is_angle = system.angles[:, None]
-    largest_angle = np.max(np.where(is_angle, metres, 0.0), axis=0)
+    largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
     position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
-    rate = arms * np.max(np.abs(qd), axis=0)
-    bend = arms * (np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2)
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
-    return roundings * position, roundings * rate, roundings * bend
+    return roundings * position, roundings * arms * rate, roundings * arms * (bend + rate**2)
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:

@@ -160,8 +160,9 @@ def sharpness(ref: Reference, samples: Sequence[int]) -> dict[str, tuple[Any, An
     by_quantity = {}
     for quantity, level, sensitivity in zip(QUANTITIES, budget.levels, moved, strict=True):
         allowed = level[:, chosen]
-        with np.errstate(divide="ignore", over="ignore"):
-            smallest = np.min(allowed / sensitivity, axis=0)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            seen = np.where(sensitivity == 0.0, np.inf, allowed / sensitivity)  # what is at rest is moved by nothing
+        smallest = np.min(seen, axis=0)
         by_quantity[quantity] = np.max(allowed, axis=0) / np.max(sensitivity, axis=0), smallest
     return by_quantity
 
@@ -210,7 +211,8 @@ def _corrections(system: System, levels: Sequence[Any], times: Sequence[float]) 
 
 def _correct(exactly: System, system: System, levels: Sequence[Any], t: Any, at: float) -> Any:
     q, qd, qdd = (np.array(level, object) for level in levels)
-    inverse = np.linalg.pinv(system.phi_q(np.array([float(x) for x in q]), at))
+    inverted = np.linalg.inv if system.m == system.n else np.linalg.pinv  # LU moves no part for another
+    inverse = inverted(system.phi_q(np.array([float(x) for x in q]), at))
     dq = -_product(inverse, exactly.phi(q, t))
     q = q + dq
     slope = exactly.phi_q(q, t)

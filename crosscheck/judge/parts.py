@@ -1,0 +1,64 @@
+"""The parts of a mechanism: what joints and drivers connect, but for the ground, that moves with nothing.
+
+Nothing of one part is in the equations of another, whose matrix has blocks of zeros there: to eliminate in the one
+rounds nothing in the other. So an answer is held part by part where only a norm of many rows is known. Where rows are
+redundant they are solved by least squares, of all rows together: all of it is one part there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.system import ConstraintRows, System
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which part, 0 for the first, each row (m,) of the equations belongs to, and each coordinate (n,)."""
+
+    rows: Any
+    coordinates: Any
+
+    def __iter__(self) -> Any:
+        """Yield the rows and the coordinates of each part, as places."""
+        for k in range(int(np.max(self.coordinates)) + 1):
+            yield np.flatnonzero(self.rows == k), np.flatnonzero(self.coordinates == k)
+
+
+def parts_of(system: System) -> Parts:
+    """Return the parts of a system; one, if any of them has not as many rows as coordinates."""
+    first, rows = np.arange(system.n), np.zeros(system.m, int)
+    spans = [(p, _coordinates(system, p)) for p in system.placed]
+    for _, own in spans:
+        first[np.isin(first, first[own])] = np.min(first[own], initial=system.n)
+    known, coordinates = np.unique(first, return_inverse=True)
+    for p, own in spans:
+        rows[p.row : p.row + p.constraint.rows] = coordinates[own[0]] if own else 0
+    counts = [np.bincount(x, minlength=len(known)) for x in (rows, coordinates)]
+    return Parts(rows, coordinates) if np.array_equal(counts[0], counts[1]) else Parts(0 * rows, 0 * coordinates)
+
+
+def by_part(f: Callable[[Any], Any], values: Any, of: Any, to: Any) -> Any:
+    """Return what a function makes of the values (len(of), T) of each part, spread to all places of that part.
+
+    Parameters
+    ----------
+    f : callable
+        It takes some of the rows, (K, T), and returns (T,).
+    values : (len(of), T) array
+    of, to : array of int
+        The part of each value, and of each place: rows or coordinates of `Parts`.
+    """
+    made = np.array([f(values[of == k]) for k in range(int(np.max(of)) + 1)])
+    return made[to]
+
+
+def _coordinates(system: System, p: ConstraintRows) -> list[int]:
+    """Return the coordinates of the bodies and parameters that stand in the rows of a constraint."""
+    widths = [system.kind.width if k < len(p.constraint.bodies) else 1 for k in range(len(p.starts))]
+    spans = zip(p.starts, widths, strict=True)
+    return [k for start, width in spans if start is not None for k in range(start, start + width)]

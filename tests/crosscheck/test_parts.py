@@ -1,0 +1,75 @@
+"""What is allowed of a mechanism is its own, whatever moves beside it: no joint leads there, and no rounding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import Term
+from crosscheck.judge.comparison import QUANTITIES, reference
+from crosscheck.judge.parts import parts_of
+from crosscheck.judge.records import Cause
+from crosscheck.measure.check import check
+from refkin import AngleDriver, Body, FourBar, Mechanism, Polynomial, Revolute
+from refkin.system import compile_system
+from tests.crosscheck.made_up_engines import Made
+from tests.crosscheck.space_scenes import rssr
+
+SLOW = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=(0.0, 0.3, 0.7))
+FAST = 1e3
+RATES = Term(name="of rates", level="velocity", reason="made up", of_rates=1e-11)
+
+
+@cache
+def with_rotor(speed):
+    """The four-bar, and a rotor on a pin of its own."""
+    pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="rotor", point_j=(0.0, 0.0))
+    motor = AngleDriver(name="motor", body="rotor", law=Polynomial(coefficients=(0.1, speed)))
+    m, rotor = SLOW.mechanism, Body(name="rotor", estimate=(9.0, 0.0, 0.1))
+    return replace(SLOW, mechanism=Mechanism((*m.bodies, rotor), (*m.joints, pin), (*m.drivers, motor)))
+
+
+@pytest.mark.parametrize("terms", [(), (RATES,)])
+def test_how_fast_a_rotor_turns_beside_a_linkage_says_nothing_of_the_linkage(terms):
+    """A bound of the reference's error is of all coordinates, and counts up to what an engine is allowed."""
+    still, fast = (reference(with_rotor(speed)).budget(terms).levels[:, :9] for speed in (0.0, FAST))
+
+    assert np.all(fast <= 2.0 * still)
+
+
+@pytest.mark.parametrize(("letter", "quantity"), [*zip(("q", "qd", "qdd"), QUANTITIES, strict=True)])
+def test_a_slow_linkage_beside_a_fast_rotor_is_held_as_if_it_were_alone(letter, quantity):
+    """Of the rotor's speed it was allowed 0.3 and 1e3 times as much in velocity and 5e5 times in acceleration."""
+    order = QUANTITIES.index(quantity)
+    allowed = reference(SLOW).budget().levels[order]
+
+    def off(motion):
+        level = np.array(getattr(motion, letter))
+        for k, body in enumerate(motion.bodies):
+            level[3 * k + 2, 1] += 10.0 * allowed[8, 1] * (body == "rocker")
+        return replace(motion, **{letter: level})
+
+    said = check(with_rotor(FAST), [Made("made", off)]).disagreements
+    assert {(d.quantity, d.kind, d.at.component) for d in said if d.method != "rows" and d.at} == {
+        (quantity, Cause.BEYOND, "rocker.phi")
+    }
+
+
+def test_a_redundant_mechanism_is_one_part_and_a_joint_makes_two_parts_one():
+    """Least squares are of all rows together."""
+    scene, twice = with_rotor(1.0), replace(with_rotor(1.0).mechanism.joints[-1], name="again")
+    m = scene.mechanism
+    counts = [
+        len(list(parts_of(compile_system(mechanism))))
+        for mechanism in (m, replace(m, joints=(*m.joints, twice)), rssr().mechanism)
+    ]
+
+    assert counts == [2, 1, 1]
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco", "closed_form", "vector_loop"])
+def test_no_engine_rounds_a_linkage_for_a_rotor_beside_it(engine):
+    assert check(with_rotor(FAST), [engine]).disagreements == []
