@@ -18,7 +18,8 @@ x_n = (s + sqrt(s^2 + 2 K f)) / K; at the fold sqrt(2 f / K). What x_n moves the
 |phi_qq[v, v]| x_n^2 / 2, carried by their own s_k.
 
 e is the running error of the formulas with the one safety factor of the budgets, on both sides, and what the result is
-rounded to is added, as there (`crosscheck.judge.budget`).
+rounded to is added, as there (`crosscheck.judge.budget`). Each part of a mechanism has a last singular vector of its
+own (`crosscheck.judge.parts`): where several are singular at once, each is at its own fold, and others are regular.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from crosscheck.engines.frames import wrap
 from crosscheck.judge import budget
 from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.comparison import Reference
+from crosscheck.judge.parts import parts_of
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import alike, passive_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
@@ -274,14 +276,19 @@ def least_error(system: System, q: Any, t: float, left: Any = 0.0) -> Any:
     left : float or (m,) array
         What is left of the residual beside rounding.
     """
-    e = residual_error(system, q, t) + left
-    u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)
-    bend = np.imag(system.phi_q(q + 1j * STEP * vt[-1], t)) @ vt[-1] / STEP  # phi_qq[v, v] by a complex step
-    f = np.abs(u.T) @ e
-    last = fold(s[-1], abs(float(u[:, -1] @ bend)), float(f[-1]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        others = (f[:-1] + np.abs(u.T[:-1] @ bend) * last**2 / 2) / s[:-1]
-    return np.abs(vt[:-1].T) @ others + np.abs(vt[-1]) * last + _output_rounding(system, q)
+    e, slope = residual_error(system, q, t) + left, system.phi_q(q, t)
+    out = _output_rounding(system, q)
+    for rows, own in parts_of(system):
+        u, s, vt = np.linalg.svd(slope[np.ix_(rows, own)], full_matrices=False)
+        v = np.zeros(system.n)
+        v[own] = vt[-1]
+        bend = (np.imag(system.phi_q(q + 1j * STEP * v, t)) @ v / STEP)[rows]  # phi_qq[v, v] by a complex step
+        f = np.abs(u.T) @ e[rows]
+        last = fold(s[-1], abs(float(u[:, -1] @ bend)), float(f[-1]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            others = (f[:-1] + np.abs(u.T[:-1] @ bend) * last**2 / 2) / s[:-1]
+            out[own] += np.abs(vt[:-1].T) @ others + np.abs(vt[-1]) * last
+    return out
 
 
 def fold(s: float, k: float, f: float) -> float:

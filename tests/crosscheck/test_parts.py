@@ -10,6 +10,7 @@ import pytest
 
 from crosscheck.engines import Term
 from crosscheck.judge.comparison import QUANTITIES, reference
+from crosscheck.judge.hard_poses import least_error
 from crosscheck.judge.parts import parts_of
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
@@ -17,6 +18,7 @@ from refkin import AngleDriver, Body, FourBar, Mechanism, Polynomial, Revolute
 from refkin.system import compile_system
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.space_scenes import rssr
+from tests.crosscheck.test_uncompared import beside
 
 SLOW = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=(0.0, 0.3, 0.7))
 FAST = 1e3
@@ -73,3 +75,19 @@ def test_a_redundant_mechanism_is_one_part_and_a_joint_makes_two_parts_one():
 @pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco", "closed_form", "vector_loop"])
 def test_no_engine_rounds_a_linkage_for_a_rotor_beside_it(engine):
     assert check(with_rotor(FAST), [engine]).disagreements == []
+
+
+@pytest.mark.parametrize("exactly", [False, True])
+def test_each_of_two_loops_that_are_singular_at_once_is_held_at_a_fold_of_its_own(exactly):
+    """One of the two was allowed twelve times as much, and, where both are so to the last bit, anything."""
+    flat = FourBar(ground=2.0, crank=1.0, coupler=2.0, rocker=1.0).scene(
+        law=Polynomial(coefficients=(1.0, -1.0)), times=(0.0, 0.5, 1.0)
+    )
+    regular = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=flat.times)
+    allowed = []
+    for scene in (flat, regular, beside(beside(flat, regular), flat)):
+        q = reference(scene).motion.q[:, -1]
+        allowed.append(least_error(compile_system(scene.mechanism), np.round(q, 6) if exactly else q, 1.0))
+    alone = np.concatenate([allowed[0], allowed[1], allowed[0]])
+
+    assert allowed[2] == pytest.approx(alone, rel=0.5)
