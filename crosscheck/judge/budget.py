@@ -20,7 +20,7 @@ three terms instead of two) and down a chain of frames (each pose composed of tw
 times the operations. The other side of a comparison, the reference, is off by no more than its certified radius, and no
 more than an engine without terms; the smaller is added, component by component. Velocity and acceleration are
 solutions of linear systems: LU adds a backward error, a residual whose two-norm is n u of the largest row of |J| |x|
-(`_solve_error`). That and all else of which only the largest counts is of each part of the mechanism by itself
+(`solve_error`). That and all else of which only the largest counts is of each part of the mechanism by itself
 (`crosscheck.judge.parts`).
 
 What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason. Where
@@ -162,7 +162,7 @@ class Propagation:
         """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
         k = int(np.flatnonzero(self.t == t)[0])
         slope, rows = np.abs(self.system.phi_q(self.levels[0][:, k], t)), parts_of(self.system).rows
-        solving = by_part(_solve_error, self.size[order][:, k], rows, rows) if order else 0.0
+        solving = by_part(solve_error, self.size[order][:, k], rows, rows) if order else 0.0
         return self.e[order][:, k] + np.sum(slope * self.rounding[order][..., k], axis=1) + solving
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
@@ -214,19 +214,12 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     """
     samples = np.flatnonzero(times_with(motion, Status.OK))
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
-    clock, exactly, at = Running(t), Times(t, 2), running(q)  # so that laws' own rounding counts
     e_phi = residual_error(system, q, t)
-    slope = parts(system.phi_q(at, clock), t.shape)  # the rounding of the results is `output_rounding`
-    nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
-    jacobian = np.abs(slope[0])
-    moving = _times(jacobian, np.abs(qd))
-    e_nu = SAFETY * off_by(slope, qd, nu)[1]
-    bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
-    e_gamma = SAFETY * off_by(slope, qdd, gamma)[1]
+    velocity, acceleration = rate_rows(system, q, qd, qdd, t)  # the rounding of the results is `output_rounding`
     own = parts_of(system)
     rate, bend = (by_part(largest, x, own.coordinates, own.coordinates) for x in (qd, qdd))
-    e = tuple(e + table_error(system, exactly, order) for order, e in enumerate((e_phi, e_nu, e_gamma)))
-    still, steady = ((np.abs(right) <= off).all(axis=0) for (right, _), off in zip((nu, gamma), e[1:], strict=True))
+    e = (e_phi + table_error(system, Times(t, 0), 0), velocity.error, acceleration.error)
+    still, steady = ((np.abs(rows.right) <= rows.error).all(axis=0) for rows in (velocity, acceleration))
     carry = carried(system, q, qd, qdd, t)
     return Propagation(
         system=system,
@@ -236,8 +229,10 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         count=len(motion.t),
         carried=carry,
         e=e,
-        solving=carry.of_norm(*(by_part(_solve_error, x, own.rows, own.coordinates) for x in (moving, bending))),
-        size=(e_phi, moving, bending),
+        solving=carry.of_norm(
+            *(by_part(solve_error, x.size, own.rows, own.coordinates) for x in (velocity, acceleration))
+        ),
+        size=(e_phi, velocity.size, acceleration.size),
         rates=(np.zeros_like(rate), rate, bend + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
@@ -262,6 +257,43 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
         Times [s].
     """
     return SAFETY * parts(system.phi(running(q, U * np.abs(q)), Running(t)), t.shape)[1]
+
+
+@dataclass(frozen=True)
+class RateRows:
+    """Of the rows of a level of rates, (m, T) each: the right side, and what rates leave of it.
+
+    `error` is what rounding leaves at most, tables' as well; `size` is what stands in the rows.
+    """
+
+    right: Any
+    left: Any
+    error: Any
+    size: Any
+
+
+def rate_rows(system: System, q: Any, qd: Any, qdd: Any, t: Any, lost: Any = (0.0, 0.0)) -> tuple[RateRows, RateRows]:
+    """Return the rows of velocity and of acceleration at coordinates and rates.
+
+    Parameters
+    ----------
+    system : System
+    q, qd, qdd : (n, T) array
+        In the system's coordinates.
+    t : (T,) array
+        Times [s].
+    lost : pair of (n, T) arrays
+        By how much q and qd are rounded; qd in what is left of the velocity itself is not.
+    """
+    clock, at = Running(t), running(q, lost[0])  # so that laws' own rounding counts
+    slope = parts(system.phi_q(at, clock), t.shape)
+    nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd, lost[1]), clock)))
+    rows, exactly = [], Times(t, 2)
+    for order, (rate, right) in enumerate(((qd, nu), (qdd, gamma)), 1):
+        left, error = off_by(slope, rate, right)
+        size = _times(np.abs(slope[0]), np.abs(rate)) + (order == 2) * np.abs(right[0])
+        rows.append(RateRows(right[0], left, SAFETY * error + table_error(system, exactly, order), size))
+    return rows[0], rows[1]
 
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
@@ -314,7 +346,7 @@ def largest(values: Any) -> Any:
     return np.max(np.abs(values), axis=0)
 
 
-def _solve_error(size: Any) -> Any:
+def solve_error(size: Any) -> Any:
     """Return the two-norm (T,) of LU's backward error, as a residual, where |J| |x| is `size`: n u of its largest row.
 
     The worst case is n u in every row, with all signs alike. Rounding errors add up like a random walk: to some root of
@@ -333,7 +365,7 @@ def table_error(system: System, clock: Times, order: int) -> Any:
 
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
     u max|y| / h: k-th derivatives err by `SOME` u max|y| / h^k, with the steps that are near (`_steepest`). Integrals
-    to the knots add that up, each rounded as it is itself, like a random walk (`_solve_error`). Where steps between
+    to the knots add that up, each rounded as it is itself, like a random walk (`solve_error`). Where steps between
     arguments differ by more than `UNEVEN` times, the spline that engines are given is held against the exact one, too:
     an error is carried from step to step. Nowhere else, or a law that is wrong for everybody would be granted to
     everybody.

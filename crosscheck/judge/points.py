@@ -22,6 +22,7 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.judge.budget import output_rounding, times_with
 from crosscheck.judge.comparison import Comparison, Reference, uncompared
+from crosscheck.judge.poses import all_levels
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
 from crosscheck.judge.running_error import U
 from crosscheck.judge.samples import largest_ratio
@@ -58,7 +59,7 @@ def points_off(
     budget, judged, apart = ref.budget(terms), times_with(motion, Status.OK), uncompared(ref, motion, terms)
     owed = [quantity for quantity in LEVELS if quantity in able and quantity in compared.quantities]
     agreeing = [quantity for quantity in owed if compared.quantities[quantity].agrees]
-    spinning, own = {body for spin in ref.passive for body in spin}, _levels(ref.system, motion)
+    spinning, own = {body for spin in ref.passive for body in spin}, all_levels(ref.system, motion)
     scaled = [ref.system.to_unit(level, order) for order, level in enumerate(own)]
     rounding = output_rounding(ref.system, *np.nan_to_num(scaled))
     for point in ref.scene.points:
@@ -75,15 +76,6 @@ def points_off(
         allowed = _allowed(ref.system, rounding, scaled, point, composed)
         asked = shaped if point.body in motion.bodies else []
         yield from _further(motion, point.name, composed, allowed, asked, apart)
-
-
-def _levels(system: System, motion: Motion) -> Any:
-    """Return an answer's levels [m, rad] in the order of the system's coordinates, (3, n, T); 0 what it has not."""
-    levels, width = np.zeros((3, system.n, len(motion.t))), system.kind.width
-    for own, level in zip(levels, motion.levels, strict=True):
-        for k, body in enumerate(motion.bodies):
-            own[system.columns(body)] = 0.0 if level is None else level[width * k : width * (k + 1)]
-    return levels
 
 
 def _further(

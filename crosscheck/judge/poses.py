@@ -15,6 +15,7 @@ import numpy as np
 
 from crosscheck.judge.budget import residual_error
 from refkin.joints import Counted, initial_contacts, polar_cams
+from refkin.motion import Motion
 from refkin.system import System
 
 CORRECTIONS = 4
@@ -27,6 +28,15 @@ def rows_among(system: System, q: Any) -> Any:
     for p in system.placed:
         among[p.row : p.row + p.constraint.rows] = all(there[k] for k in p.starts if k is not None)
     return among
+
+
+def all_levels(system: System, motion: Motion) -> Any:
+    """Return an answer's levels [m, rad] in the order of the system's coordinates, (3, n, T); 0 what it has not."""
+    levels, width = np.zeros((3, system.n, len(motion.t))), system.kind.width
+    for own, level in zip(levels, motion.levels, strict=True):
+        for k, body in enumerate(motion.bodies):
+            own[system.columns(body)] = 0.0 if level is None else level[width * k : width * (k + 1)]
+    return levels
 
 
 def with_turns(system: System, q: Any, t: Any) -> Any:

@@ -60,7 +60,7 @@ class Cause(StrEnum):
     CHANGED = "changed the scene that it was given"
     """Whoever is asked after it would be asked something else: every other engine is handed another copy."""
     UNCLOSED = "ok where joints are open"
-    """A pose, called ok where no answer has a bound, that leaves more of a residual than rounding does."""
+    """A pose, called ok where no answer has a bound, that leaves more of a residual than rounding does; or rates."""
     REVERSED = "joint put together the wrong way round"
     """In space: axes that must have one direction have opposite ones, or a driven angle is off by half a turn."""
     TRANSLATED = "model translated wrongly"

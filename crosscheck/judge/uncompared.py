@@ -2,7 +2,8 @@
 
 In and next to a singular pose an error has no first-order bound, and where the reference is lost or locked there is
 nothing to compare with: an engine may go on there, on any branch. A residual has a bound everywhere: rounding leaves as
-little of it as anywhere. So joints are asked, those between the bodies that an answer has.
+little of it as anywhere. So joints are asked, those between the bodies that an answer has: by its pose, and by its
+rates at that pose. Rows with a coordinate of their own, whose rates no answer has, say nothing of rates.
 """
 
 from __future__ import annotations
@@ -13,10 +14,19 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.budget import output_rounding, residual_error, table_error, times_with
+from crosscheck.judge.budget import (
+    largest,
+    output_rounding,
+    rate_rows,
+    residual_error,
+    solve_error,
+    table_error,
+    times_with,
+)
 from crosscheck.judge.comparison import Reference, difference, rows_of, scaled, uncompared, whole_poses
 from crosscheck.judge.hard_poses import TOO_WIDE, allowed_at
-from crosscheck.judge.poses import rows_among
+from crosscheck.judge.parts import by_part, parts_of
+from crosscheck.judge.poses import all_levels, rows_among
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
 from crosscheck.judge.samples import short
 from crosscheck.judge.spatial import reversed_joints
@@ -25,6 +35,9 @@ from refkin.motion import Motion, Status
 from refkin.proof.numbers.bounded import Times
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
+
+TURNING = 8.0
+"""Two bodies turn a row of three, in space with 2 |p'| each: 2 * 2 * sqrt(3), rounded up."""
 
 
 def uncompared_faults(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
@@ -35,7 +48,7 @@ def uncompared_faults(ref: Reference, motion: Motion, terms: Sequence[Term] = ()
     ref, motion, terms
         As for `uncompared`.
     """
-    for asked in (numberless, unclosed, elsewhere):
+    for asked in (numberless, unclosed, opening, elsewhere):
         yield from asked(ref, motion, terms)
 
 
@@ -47,8 +60,7 @@ def numberless(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> It
     ref, motion, terms
         As for `uncompared`.
     """
-    asked = uncompared(ref, motion, terms)
-    without_rates = times_with(ref.motion, Status.SINGULAR) | times_with(ref.motion, Status.LOCKED)
+    asked, without_rates = uncompared(ref, motion, terms), _without_rates(ref)
     for order, (quantity, level) in enumerate(zip(QUANTITIES, motion.levels, strict=True)):
         here = asked & ~without_rates if order else asked
         nothing = here & (False if level is None else ~np.isfinite(level).all(axis=0))
@@ -83,6 +95,74 @@ def _closed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> tuple[Any,
         added = _added(terms, formulas)
         closed[asked] = np.all((np.abs(system.phi(q, t)) <= off + rounded + added)[rows], axis=0)
     return closed, asked & ~closed
+
+
+def opening(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
+    """Yield where rates of a closed uncompared pose leave more of their equations than rounding and the engine do.
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `uncompared`.
+    """
+    closed, none = _closed(ref, motion, terms)[0], _without_rates(ref)
+    for order, quantity in enumerate(QUANTITIES[1:], 1):
+        levels = [level for level in motion.levels[1 : order + 1] if level is not None]
+        if len(levels) < order:
+            return
+        asked = closed & np.isfinite(levels).all(axis=(0, 1))
+        asked &= ~(none & np.isnan(ref.levels[order]).any(axis=0))
+        if asked.any():
+            asked[asked] = _opened(ref, motion, terms, asked, order)
+            if asked.any():
+                yield _at(motion, asked, quantity, Cause.UNCLOSED)
+
+
+def _opened(ref: Reference, motion: Motion, terms: Sequence[Term], asked: Any, order: int) -> Any:
+    """Return at which of some times the rates of a level open a joint.
+
+    An engine's rows may turn with its joints, y = M phi, and its rates then satisfy not ours, but phi' = -M' phi and
+    phi'' = -M'' phi - 2 M' phi': M' is up to `TURNING` times a rate, and phi is what the pose leaves.
+    """
+    t, place = motion.t[asked], parts_of(ref.system)
+    q = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
+    q[ref.system.of_bodies :] = np.nan
+    rows, q = rows_among(ref.system, q), np.nan_to_num(q, nan=1.0)
+    system = ref.system.held_at(q)
+    for p in system.placed:
+        rows[p.row : p.row + p.constraint.rows] &= not p.constraint.passive
+    qd, qdd = (system.to_unit(level[:, asked], k) for k, level in enumerate(all_levels(system, motion)[1:], 1))
+    rounding, slope = output_rounding(system, q, qd, qdd), system.phi_q(q, t)
+    own = rate_rows(system, q, qd, qdd, t, rounding)[order - 1]
+    rate, bend = (by_part(largest, x, place.coordinates, place.rows) for x in (qd, qdd))
+    rates, left = (rate, bend + rate**2)[order - 1], np.where(rows[:, None], system.phi(q, t), 0.0)
+    allowed = own.error + np.einsum("mnt,nt->mt", np.abs(slope), rounding[order])
+    allowed += by_part(solve_error, own.size, place.rows, place.rows)
+    turned = TURNING * (1.0, 1.0 + 2.0 * TURNING)[order - 1] * rates
+    allowed += turned * by_part(largest, left, place.rows, place.rows)
+    for term in (term for term in terms if term.level == QUANTITIES[order]):
+        allowed += term.absolute + term.relative * own.size + term.of_rates * rates
+    return (np.abs(own.left) > allowed + _contradiction(slope, own.right, rows))[rows].any(axis=0)
+
+
+def _contradiction(slope: Any, right: Any, rows: Any) -> Any:
+    """Return what no rates solve (T,) of redundant rows, some of all: least squares with weights of 1/2 to 2 leave it.
+
+    An engine's rows are ours times as much (`Propagation.weights`), so that it leaves at most four times as much as the
+    least, in the two-norm.
+    """
+    m, n, count = slope.shape
+    if m == n:
+        return np.zeros(count)
+    u, s, _ = np.linalg.svd(np.moveaxis(slope[rows], -1, 0), full_matrices=False)
+    u = u * (s > m * np.finfo(float).eps * s[:, :1])[:, None]
+    right = right[rows].T[..., None]
+    return 4.0 * np.linalg.norm(right - u @ (u.swapaxes(1, 2) @ right), axis=(1, 2))
+
+
+def _without_rates(ref: Reference) -> Any:
+    """Return at which times (T,) the reference has a pose in which there may be no rates."""
+    return times_with(ref.motion, Status.SINGULAR) | times_with(ref.motion, Status.LOCKED)
 
 
 def _added(terms: Sequence[Term], formulas: Any) -> Any:

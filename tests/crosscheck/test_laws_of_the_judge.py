@@ -37,10 +37,10 @@ from crosscheck.judge.budget import (
     SAFETY,
     SOME,
     _first_order,
-    _solve_error,
     _spline_error,
     carried,
     output_rounding,
+    solve_error,
     table_error,
 )
 from crosscheck.judge.changes import change
@@ -154,7 +154,7 @@ def test_first_order_ends_where_the_jacobian_changes_by_a_tenth_of_itself():
 
 
 def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row_in_the_norm_of_all():
-    assert _solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == [9.0 * U, 15.0 * U]
+    assert solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == [9.0 * U, 15.0 * U]
 
 
 def moved_by_velocity(ref, own, t):

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.engines import load
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
-from crosscheck.judge.uncompared import unclosed
+from crosscheck.judge.uncompared import opening, unclosed
 from crosscheck.measure.check import check
 from refkin.model import Mechanism
 from refkin.motion import Status
@@ -93,6 +94,46 @@ def test_a_closed_pose_is_closed_whatever_the_turns_and_whatever_joints_bring(na
     ]
 
     assert kinds == [[], [Cause.UNCLOSED]] * len(q)
+
+
+@pytest.mark.parametrize("status", [Status.LOCKED, Status.BRANCH_LOST])
+@pytest.mark.parametrize("name", ["crank-rocker", "gear", "rack_and_pinion", "redundant-16-ulp", "spatial-fixed"])
+def test_where_nothing_is_compared_rates_are_those_of_the_pose(name, status):
+    """Any that were numbers would do: of each coordinate of each body one is off by 1e-9 of a radian or size."""
+    ref, motion = lost(name, status)
+    if motion.kind.name == "planar":
+        motion = replace(motion, q=motion.q + 2 * np.pi * (np.arange(len(motion.q)) % 3 == 2)[:, None])
+    assert list(opening(ref, motion)) == []
+
+    for order, (letter, quantity) in enumerate([("qd", "velocity"), ("qdd", "acceleration")], 1):
+        size = 1e-9 * max(1.0, ref.system.unit.size) * np.max(np.abs(ref.motion.levels[order])).clip(1.0)
+        for row in range(len(motion.q)):
+            off = replace(
+                motion, **{letter: getattr(motion, letter) + size * (np.arange(len(motion.q)) == row)[:, None]}
+            )
+            said = {(fault["quantity"], fault["kind"]) for fault in opening(ref, off)}
+            assert (quantity, Cause.UNCLOSED) in said
+
+
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [
+        ("limit-touched-by-another-loop", "exudyn"),
+        ("rate-law-alias", "closed_form"),
+        ("laws-turn-back-together", "mujoco"),
+    ],
+)
+def test_an_engine_that_goes_on_where_the_reference_does_not_has_rates_of_its_own_pose(name, engine):
+    scene, other = corpus(name), load(engine)
+    motion, terms = other.solve(scene), other.terms(scene)
+
+    def said(**levels):
+        off = replace(motion, **{letter: getattr(motion, letter) * by for letter, by in levels.items()})
+        return found(scene, lambda _: off, Status.BRANCH_LOST, terms=lambda *_: terms)
+
+    assert said() == set()
+    assert {("velocity", Cause.UNCLOSED), ("acceleration", Cause.UNCLOSED)} <= said(qd=1.0 + 1e-9)
+    assert {kind for kind in said(qdd=1.0 + 1e-9) if Cause.UNCLOSED in kind} == {("acceleration", Cause.UNCLOSED)}
 
 
 @pytest.mark.parametrize(("bodies", "said"), [(("rocker",), [Cause.UNCLOSED]), (("coupler",), [])])
