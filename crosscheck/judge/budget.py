@@ -12,7 +12,9 @@ The rows err independently, so the largest move takes the absolute values of the
 pose that is wrong by one row's error is wrong in all its coordinates together, and what that does to the rates cancels
 for the most part. Taken factor by factor it does not, and allows up to 1e5 times too much. A frame far from its joints
 is no different: its large arms stand in A and S alike, and cancel in A S A, as they would in recentred frames. To this
-comes the rounding of the answer itself (`output_rounding`).
+comes the rounding of the answer itself (`output_rounding`). Where an error is beyond first order its square is asked
+for, too (`Propagation.second_order`): it counts where the first order cancels, as of a body that is hardly moved by
+what turns others fast.
 
 The e are running-error bounds of the formulas (`running_error`) with coordinates that are rounded to u |q|: no float64
 code is told more. `SAFETY` covers that an engine evaluates the same closure by other formulas: in space (products of
@@ -41,8 +43,10 @@ from crosscheck.engines import Term
 from crosscheck.judge.parts import by_part, parts_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from crosscheck.scenes.names import QUANTITIES
+from refkin.analysis import acceleration, velocity
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
+from refkin.newton import solve_linear
 from refkin.proof.numbers.bounded import Times, bounded_system
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
@@ -55,6 +59,8 @@ SOME, UNEVEN = 32.0, 4.0
 """Of a spline and its derivatives, where no step is more than so many times another: two roundings of a difference, a
 factor 3 for the solve, 4 terms of the cubic, rounded up. The worst tables that were searched for have 3.4, 3.4 and 8.1
 times as much in value and derivatives; the whole budget was seen to bear the last."""
+CORRECTIONS = 4
+"""Newton corrections to a pose whose residual changes J by less than `TENTH`: that to the eighth power is left of it."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 
@@ -181,6 +187,34 @@ class Propagation:
         whole = np.full((*levels.shape[:2], self.count), np.nan)
         whole[..., self.samples] = levels
         return ErrorBudget(whole, self._judged(levels[0]))
+
+    def second_order(self, budget: ErrorBudget, terms: Sequence[Term], at: Any) -> ErrorBudget:
+        """Return a budget with what is allowed at some times (count,) of bool beyond first order.
+
+        It is the even part of what the worst residual makes of all levels, which is solved for, with either sign: that
+        along the last left singular vector, next to which all others make little where a second order counts.
+        """
+        here = np.flatnonzero(at[self.samples])
+        q, t = self.levels[0][:, here], self.t[here]
+        left = BOTH_SIDES * self.e[0][:, here]
+        for term in (term for term in terms if term.level == QUANTITIES[0]):
+            left = left + (BOTH_SIDES if term.form else 1.0) * (term.absolute + term.relative * self.size[0][:, here])
+        slope = _stacked(self.system.phi_q(q, t))
+        for rows, own in parts_of(self.system):
+            left[rows] *= np.sign(np.linalg.svd(slope[np.ix_(range(len(t)), rows, own)])[0][..., len(own) - 1].T)
+        ends = np.array([self._solved(q, sign * left, t) for sign in (1.0, -1.0)])
+        levels, places = budget.levels.copy(), self.samples[here]
+        near = np.max(np.abs(ends[:, 0] - q), axis=(0, 1)) <= BOTH_SIDES * np.max(levels[0][:, places], axis=0)
+        even = np.abs(np.mean(ends, axis=0) - [level[:, here] for level in self.levels])
+        levels[..., places] += np.where(near, even, 0.0)
+        return ErrorBudget(levels, budget.compared)
+
+    def _solved(self, q: Any, left: Any, t: Any) -> Any:
+        """Return the levels (3, n, T) that leave so much (m, T) of the position's residual, on the branch of q."""
+        for _ in range(CORRECTIONS):
+            q = q - solve_linear(self.system.phi_q(q, t), self.system.phi(q, t) - left)
+        qd = velocity(self.system, q, t)
+        return np.array([q, qd, acceleration(self.system, q, qd, t)])
 
     def _judged(self, dq: Any) -> Any:
         """Return (count,) whether first order says enough where a position is off by dq (n, T)."""

@@ -178,6 +178,10 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     answered, ok = times_with(motion, Status.OK), times_with(ref.motion, Status.OK)
     samples = budget.compared[at] & answered
     compared = _judge(ref, motion, budget, samples, at)
+    beyond = np.zeros(len(ok), bool)
+    beyond[at] = np.any([~(quantity.ratio <= 1.0) for quantity in compared.values()], axis=0) & samples
+    if beyond.any():
+        compared = _judge(ref, motion, ref.propagation.second_order(budget, terms, beyond), samples, at)
     missing = ok[at] & ~answered
     right = compared["position"].ratio <= 1.0 if "position" in compared else np.zeros(len(missing), bool)
     silences = _silences(motion.t, missing, right)

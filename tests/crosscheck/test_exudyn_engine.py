@@ -228,9 +228,15 @@ def test_what_its_stopping_rule_leaves_of_a_driven_distance_is_of_its_own_row_an
 
 
 @pytest.mark.parametrize(
-    ("name", "asked"), [("steps-of-200-rad.toml", [STATIC]), ("slider-in-steps-of-a-kilometre.toml", [STATIC, SHIPPED])]
+    ("name", "asked"),
+    [
+        ("steps-of-200-rad.toml", [STATIC]),
+        ("slider-in-steps-of-a-kilometre.toml", [STATIC, SHIPPED]),
+        ("exudyn-shipped-beside-a-crossing.toml", [STATIC, SHIPPED]),
+    ],
 )
-def test_steps_may_be_of_any_size(name: str, asked: list[Any]) -> None:
+def test_what_its_stopping_rules_leave_is_no_disagreement(name: str, asked: list[Any]) -> None:
+    """Steps may be of any size, and what an error does counts by its square, too, where it does nothing by itself."""
     record = check(refkin.load(Path(__file__).parents[1] / "corpus" / name), ["exudyn"])
 
     assert [str(item) for item in record.disagreements if item.method in {route.name for route in asked}] == []

@@ -153,6 +153,22 @@ def test_first_order_ends_where_the_jacobian_changes_by_a_tenth_of_itself():
     assert _first_order(system, stacked, direction * ends * [1.001, 0.999], q, t).tolist() == [False, True]
 
 
+@pytest.mark.parametrize(("part", "beyond"), [(0.99, False), (2.5, True)])
+def test_an_error_within_a_stopping_rule_is_allowed_what_its_square_does(part, beyond):
+    """To first order a rocker next to a crossing is not moved across: it was beyond by 13 times its acceleration."""
+    ref, rule = reference(refkin.load(CORPUS / "exudyn-shipped-beside-a-crossing.toml")), replace(RULE, absolute=4e-9)
+    q, t = ref.levels[0], ref.motion.t
+    signs, moved = np.sign(np.linalg.svd(np.moveaxis(ref.system.phi_q(q, t), -1, 0))[0][..., -1]), np.array(ref.levels)
+    for k in range(len(t)):
+        errors = np.outer([1.0, 0.0, 0.0], part * rule.absolute * signs[k])
+        moved[..., k] = moved_levels(ref.system, [*moved[..., k]], float(t[k]), errors)
+    levels = (ref.system.to_physical(level, order) for order, level in enumerate(moved))
+    answer = replace(ref.motion, **dict(zip(("q", "qd", "qdd"), levels, strict=True)))
+
+    assert (np.abs(moved - ref.levels) > ref.propagation.budget([rule]).levels).any()
+    assert compare(ref, answer, [rule]).agrees is not beyond
+
+
 def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row_in_the_norm_of_all():
     assert solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == [9.0 * U, 15.0 * U]
 

@@ -239,6 +239,8 @@ def _of_many(curve: Curve, guess: Any, rows: Any, count: int) -> Crossing | None
     x = guess
     for _ in range(12):
         first = curve.slope(x)[rows]
+        if not np.isfinite(first).all():  # it runs away: no such point is near
+            return None
         left, _, directions = np.linalg.svd(first)
         psis, null = left[:, -count:].T, directions[-count - 1 :].T
         residual = np.append(curve.phi(x)[rows], psis @ first @ null)
