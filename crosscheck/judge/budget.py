@@ -60,7 +60,7 @@ SOME, UNEVEN = 32.0, 4.0
 factor 3 for the solve, 4 terms of the cubic, rounded up. The worst tables that were searched for have 3.4, 3.4 and 8.1
 times as much in value and derivatives; the whole budget was seen to bear the last."""
 CORRECTIONS = 4
-"""Newton corrections to a pose whose residual changes J by less than `TENTH`: that to the eighth power is left of it."""
+"""Newton corrections to a pose whose residual changes J by less than `TENTH`: its eighth power is left of it."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 
@@ -191,8 +191,8 @@ class Propagation:
     def second_order(self, budget: ErrorBudget, terms: Sequence[Term], at: Any) -> ErrorBudget:
         """Return a budget with what is allowed at some times (count,) of bool beyond first order.
 
-        It is the even part of what the worst residual makes of all levels, which is solved for, with either sign: that
-        along the last left singular vector, next to which all others make little where a second order counts.
+        It is the even part, where it is a good part, of what the worst residual makes of all levels, solved for with
+        either sign: that along the last left singular vector, next to which others make little where squares count.
         """
         here = np.flatnonzero(at[self.samples])
         q, t = self.levels[0][:, here], self.t[here]
@@ -206,7 +206,7 @@ class Propagation:
         levels, places = budget.levels.copy(), self.samples[here]
         near = np.max(np.abs(ends[:, 0] - q), axis=(0, 1)) <= BOTH_SIDES * np.max(levels[0][:, places], axis=0)
         even = np.abs(np.mean(ends, axis=0) - [level[:, here] for level in self.levels])
-        levels[..., places] += np.where(near, even, 0.0)
+        levels[..., places] += np.where(near & (even > TENTH * levels[..., places]), even, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
 
     def _solved(self, q: Any, left: Any, t: Any) -> Any:
