@@ -202,10 +202,11 @@ class Propagation:
         slope = _stacked(self.system.phi_q(q, t))
         for rows, own in parts_of(self.system):
             left[rows] *= np.sign(np.linalg.svd(slope[np.ix_(range(len(t)), rows, own)])[0][..., len(own) - 1].T)
-        ends = np.array([self._solved(q, sign * left, t) for sign in (1.0, -1.0)])
+        middle, *ends = (self._solved(q, sign * left, t) for sign in (0.0, 1.0, -1.0))
         levels, places = budget.levels.copy(), self.samples[here]
-        near = np.max(np.abs(ends[:, 0] - q), axis=(0, 1)) <= BOTH_SIDES * np.max(levels[0][:, places], axis=0)
-        even = np.abs(np.mean(ends, axis=0) - [level[:, here] for level in self.levels])
+        off = np.max(np.abs(np.array(ends) - middle), axis=(0, 2))
+        near = (off <= BOTH_SIDES * np.max(levels[..., places], axis=1)).all(axis=0)  # of the same assembly
+        even = np.abs(np.mean(ends, axis=0) - middle)
         levels[..., places] += np.where(near & (even > TENTH * levels[..., places]), even, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
 
