@@ -1,4 +1,7 @@
-"""What every engine with rows owes: refkin's rows where nothing is assembled, each of them once, in fresh arrays."""
+"""What every engine with rows owes: refkin's rows where nothing is assembled, each of them once, in fresh arrays.
+
+And faults planted in its adapter are seen in these rows.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,20 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import ELEMENTS, OF_SPACE, EngineError, Level, Support, load, refusals
+from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.exudyn import readings as exudyn_readings
+from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.mujoco.model import Driven, Plan
+from crosscheck.engines.mujoco.rows import MujocoRows
+from crosscheck.engines.pinocchio import engine as pinocchio_engine
+from crosscheck.engines.pinocchio import model as pinocchio_model
+from crosscheck.engines.pinocchio import rows as pinocchio_rows
+from crosscheck.engines.pinocchio.model import PlanarModel
+from crosscheck.engines.pinocchio.rows import PointToLine, Rows, TwoPoints
 from refkin.joints import Constraint, RackAndPinion, elements_of
 
 from .loose_rows import KINDS, ROWS, configurations, disagreement, loose_scene, rows_of
+from .test_planted_faults import around
 
 CARRIED = "rolling wheels on a carrier"
 REFUSED = {"exudyn": {CARRIED}, "mujoco": set(), "pinocchio": {"rolling wheels", CARRIED}}
@@ -117,3 +131,128 @@ def test_what_pinocchio_has_no_rows_of_is_refused_with_its_reason_and_left_out(k
     assert all(s == f"pinocchio refuses {c.type} {c.name!r} at residual: {reason}" for s, c, reason in sentences)
     assert {row.constraint for row in model.rows} == {"revolute 0", "revolute 1", "revolute 2"}
     assert not model.owns_driver
+
+
+# ---- planted faults: the rows above must turn red
+
+
+def laws_evaluated_once(right, clock, t, order):
+    if np.isnan(clock.values[0][0]):
+        right(clock, t, 2)
+
+
+def permuted_columns(right, rows, plan):
+    right(rows, plan)
+    rows.columns = np.roll(rows.columns, 3)
+
+
+def stabilised(right, plan, *given):
+    first = right(plan, *given)
+    plan.spec.equalities[-1].solref = [0.02, 1.0]
+    return first
+
+
+RESIDUAL, JACOBIAN, VELOCITY, DRIFT = ROWS
+OF_MUJOCO, LINES, LAWS = KINDS["mujoco"], ("prismatic", "point_on_line"), ("angle", "x", "y", "cylinder")
+FAULTS = {
+    "exudyn: lengths off by 1e-9": (
+        around(exudyn_parts.Builder, "local", lambda right, *at: tuple(c * (1 + 1e-9) for c in right(*at))),
+        {RESIDUAL: ["revolute"]},
+    ),
+    "exudyn: the rate of a driver is not told": (
+        around(exudyn_parts.item, "CoordinateConstraint", lambda right, offsetUserFunction_t=None, **of: right(**of)),
+        {VELOCITY: ["angle", "x"]},
+    ),
+    "exudyn: no mixed term in the drift of a product": (
+        around(exudyn_readings, "product", lambda right, a, b: right(a, b) - 2.0 * exudyn_readings.dot(a[1], b[1])),
+        {DRIFT: ["point_on_line", "distance"]},
+    ),
+    "exudyn: the other sign of velocities": (
+        around(ExudynModel, "constraint_velocity", lambda right, *at: -right(*at)),
+        {VELOCITY: ["prismatic"]},
+    ),
+    "exudyn: laws are evaluated once": (around(exudyn_parts.Clock, "set", laws_evaluated_once), {RESIDUAL: ["y"]}),
+    "exudyn: markers in the wrong order": (
+        around(exudyn_parts.Builder, "points", lambda right, *at: right(*at)[::-1]),
+        {RESIDUAL: ["revolute"], JACOBIAN: ["fixed"]},
+    ),
+    "mujoco: a point off by 1e-9": (
+        around(Plan, "_site", lambda right, plan, name, body, u: right(plan, name, body, (u[0] + 1e-9, u[1]))),
+        {RESIDUAL: [k for k in OF_MUJOCO if k != "angle"], JACOBIAN: ["revolute", "distance", "prismatic"]},
+    ),
+    "mujoco: ends exchanged": (
+        around(Plan, "_connect", lambda right, plan, j, i: right(plan, i, j)),
+        {RESIDUAL: ["revolute", "x", "y"]},
+    ),
+    "mujoco: columns permuted": (around(MujocoRows, "__init__", permuted_columns), {JACOBIAN: OF_MUJOCO}),
+    "mujoco: stale positions": (
+        around(MujocoRows, "rows", lambda right, rows, q: right(rows, vars(rows).setdefault("first", q))),
+        {RESIDUAL: OF_MUJOCO, JACOBIAN: OF_MUJOCO},
+    ),
+    "mujoco: stale laws": (around(MujocoRows, "drive", lambda right, rows, t: None), {RESIDUAL: LAWS}),
+    "mujoco: stabilised": (
+        around(Plan, "_equality", stabilised),
+        {DRIFT: ["revolute", "fixed", "prismatic", "angle"]},
+    ),
+    "mujoco: no Coriolis term on a line": (
+        around(
+            MujocoRows,
+            "_guide_rates",
+            lambda right, rows, guided, gap, rate, drift: right(rows, guided, 0.0 * gap, 0.0 * rate, drift),
+        ),
+        {DRIFT: LINES},
+    ),
+    "mujoco: a line that does not turn": (
+        around(
+            MujocoRows, "_guide_rows", lambda right, rows, guided, gap, slopes: right(rows, guided, 0.0 * gap, slopes)
+        ),
+        {JACOBIAN: LINES},
+    ),
+    "mujoco: no bias of a length": (
+        around(MujocoRows, "_length_drift", lambda right, rows, row: 0.0),
+        {DRIFT: ["distance", "cylinder"]},
+    ),
+    "mujoco: no second derivative of a law": (
+        around(Driven, "value", lambda right, driven, t, order: 0.0 if order == 2 else right(driven, t, order)),
+        {DRIFT: LAWS},
+    ),
+    "pinocchio: stale placements": (around(PlanarModel, "place", lambda right, model, q: None), {RESIDUAL: ["fixed"]}),
+    "pinocchio: stale rates": (
+        around(PlanarModel, "move", lambda right, model, q, qd: right(model, q, 0.0 * qd)),
+        {VELOCITY: ["revolute"], DRIFT: ["revolute"]},
+    ),
+    "pinocchio: bodies exchanged": (
+        around(TwoPoints, "__init__", lambda right, rows, planar, i, j: right(rows, planar, j, i)),
+        {RESIDUAL: ["revolute"]},
+    ),
+    "pinocchio: along the axis instead of across": (
+        lambda patch: patch.setattr(PointToLine, "component", 0),
+        {JACOBIAN: LINES},
+    ),
+    "pinocchio: constant angle of the other sign": (
+        around(pinocchio_rows, "unit_vector", lambda right, angle: right(-angle)),
+        {RESIDUAL: ["fixed", "prismatic"]},
+    ),
+    "pinocchio: sign of gamma": (
+        around(Rows, "drift", lambda right, *at: [-part for part in right(*at)]),
+        {DRIFT: KINDS["pinocchio"]},
+    ),
+    "pinocchio: a point off by 1e-9": (
+        around(pinocchio_model, "shift", lambda right, u: right((u[0] + 1e-9, u[1]))),
+        {RESIDUAL: KINDS["pinocchio"]},
+    ),
+    "pinocchio: bodies permuted": (
+        around(pinocchio_engine, "absolute_tree", lambda right, bodies: right(bodies[::-1])),
+        {RESIDUAL: KINDS["pinocchio"]},
+    ),
+}
+PLANTED = [(name, kind, level) for name, (_, at) in FAULTS.items() for level, kinds in at.items() for kind in kinds]
+
+
+@pytest.mark.parametrize(("name", "kind", "level"), PLANTED)
+def test_a_planted_fault_is_seen(name, kind, level, monkeypatch):
+    asked, scene = name.split(":")[0], loose_scene(kind)
+    assert disagreement(asked, scene, level) <= 1.0
+    FAULTS[name][0](monkeypatch)
+
+    assert not disagreement(asked, scene, level) <= 1.0
