@@ -1,4 +1,7 @@
-"""What every engine of the plane owes: the closed form, what is called for and no more, and refusals by name."""
+"""What every engine of the plane owes: the closed form, what is called for and no more, and refusals by name.
+
+And what is wrong in one is seen.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,25 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, load
+from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, load, march
+from crosscheck.engines.mujoco.engine import TreeRows
+from crosscheck.engines.pinocchio.rows import Rows
+from crosscheck.engines.poses import Tabulated
+from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
+from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.engines.vector_loop import chains, system
+from crosscheck.engines.vector_loop.chains import VectorChains
+from crosscheck.engines.vector_loop.vectors import Sums
 from crosscheck.measure.check import check
 from refkin.joints import GROUND, Fixed, Revolute, XDriver, elements_of
 from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial
+from tests.refkin.test_sweep import twice
 
-from .exact_linkages import CASES, EPS, T, excess, four_bar, remade, turned_on
+from .exact_linkages import CASES, EPS, T, excess, four_bar, pair, remade, turned_on
 from .made_up_engines import Made, raises
+from .test_planted_faults import around, law_without
 
 ENGINES = ("mujoco", "pinocchio", "vector_loop", "exudyn", "closed_form")
 MARCHING = ENGINES[:3]
@@ -45,11 +58,74 @@ def test_a_linkage_moves_as_its_closed_form(name, case):
     assert excess(case, motion) <= 1.0
 
 
-@pytest.mark.parametrize(
-    "case", [four_bar(at=2.0**30 + 2.0**29 * 1j), turned_on(four_bar(), TURNS)], ids=["far", "turned"]
-)
-def test_neither_distance_from_the_origin_nor_turns_cost_digits(engine, case):
+ELSEWHERE = {
+    "far": four_bar(at=2.0**30 + 2.0**29 * 1j),
+    "a million sizes away": four_bar(at=1e6 - 2e6j),
+    "turned": turned_on(four_bar(), TURNS),
+    "small": four_bar(size=2.0**-30),
+    "large": four_bar(size=2.0**30),
+    "small and far": four_bar(size=2.0**-10, at=1024 - 2048j),
+}
+"""Their ground points are doubles; what is rounded far away is a coordinate when it is handed over."""
+
+
+@pytest.mark.parametrize("case", ELSEWHERE.values(), ids=ELSEWHERE)
+def test_neither_scale_nor_distance_from_the_origin_nor_turns_cost_digits(engine, case):
     assert excess(case, engine.solve(case.scene)) <= 1.0
+
+
+NEAR = (1.0, 2.5, 2.0, 1.5 + 1e-6)
+"""A crank-rocker with a slack of 1e-6: when crank and ground line up, its branches pass each other at some 1e-3 rad."""
+
+
+@pytest.mark.parametrize("branch", [1, -1])
+@pytest.mark.parametrize("lengths", [NEAR, *((1.0, 3.5, 3.0, 5.5 - slack) for slack in (1e-3, 1e-6, 1e-9))])
+def test_it_stays_on_its_branch_where_another_is_close(engine, lengths, branch):
+    """Also with a second coupler and rocker on the same crank: a step of 0.2 rad passes where branches are close."""
+    case = four_bar(branch, lengths=lengths)
+    rows = {**case.rows, **{f"{name} 2": case.rows[name] for name in ("coupler", "rocker")}}
+
+    for each in (case, replace(case, scene=twice(case.scene), rows=rows)):
+        assert excess(each, engine.solve(each.scene)) <= 1.0
+
+
+@pytest.mark.parametrize("name", MARCHING)
+def test_contraction_alone_would_not_hold_it_there(name, monkeypatch):
+    """Shows that the test before can fail."""
+    monkeypatch.setattr(march, "connected", lambda inverse, other, off=0.0: np.ones(len(other), bool))
+    cases = [four_bar(branch, lengths=NEAR) for branch in (1, -1)]
+
+    assert max(excess(case, load(name).solve(case.scene)) for case in cases) > 1e6
+
+
+LIMIT = math.acos((90.0**2 + 30.0**2 - 105.0**2) / (2 * 90.0 * 30.0)) - math.radians(60.0)
+SAID = {"vector_loop": "not followed beyond t = 0.2", "closed_form": "cannot be assembled from t = 0.9"}
+
+
+def to_its_limit(beyond):
+    """A crank whose four-bar ends at 112.0243 degrees, driven from 60 degrees at 1 rad/s."""
+    law = Polynomial(coefficients=(math.radians(60.0), 1.0))
+    scene = refkin.FourBar(90.0, 30.0, 60.0, 45.0).scene(law=law, times=[0.0, 0.2])
+    return replace(scene, times=(0.0, 0.2, LIMIT + beyond))
+
+
+def test_beyond_the_limit_there_is_no_answer_at_all(engine):
+    motion = engine.solve(to_its_limit(1e-9))
+
+    assert motion.status[:2] == (Status.OK, Status.OK)
+    assert motion.status[2] is (Status.UNASSEMBLABLE if engine.name == "closed_form" else Status.NOT_CONVERGED)
+    assert all(np.isnan(level[:, 2]).all() for level in motion.levels)
+    assert SAID.get(engine.name, "") in motion.message
+
+
+def test_at_the_limit_there_is_a_position_and_no_rates(engine):
+    """There the angles go with the root of the input, whose rounding of 1e-16 is 1e-8 of them."""
+    motion = engine.solve(to_its_limit(0.0))
+    between = math.remainder(motion["rocker"].phi[2] - motion["coupler"].phi[2], math.tau)
+
+    assert motion.status == (Status.OK, Status.OK, Status.SINGULAR)
+    assert abs(between) == pytest.approx(math.pi, abs=1e-6)
+    assert np.isnan(motion.qd[:, 2]).all()
 
 
 @pytest.mark.parametrize("name", ["mujoco", "pinocchio", "exudyn"])
@@ -222,6 +298,61 @@ def test_an_engine_is_found_by_its_name_and_its_method_says_who_did_what(name, n
 def test_the_crossed_assembly_is_not_taken_for_the_open_one(engine):
     """Shows that what is allowed above can be exceeded."""
     assert excess(four_bar(), engine.solve(four_bar(branch=-1).scene)) > 1.0
+
+
+CROSSED = joint_tree(four_bar(branch=-1).scene.mechanism)
+LONG = 1e-9
+FAULTS = {
+    "pinocchio: gamma forgotten": around(Rows, "drift", lambda right, *at: [0.0 * part for part in right(*at)]),
+    "pinocchio: drift of points forgotten": around(
+        Rows, "drift", lambda right, *at: [*right(*at)[:-1], 0.0 * right(*at)[-1]]
+    ),
+    "pinocchio: sign of nu": around(TreeSystem, "nu", lambda right, *at: -right(*at)),
+    "pinocchio: driver rate forgotten": around(Tabulated, "__call__", law_without(1)),
+    "pinocchio: driver acceleration forgotten": around(Tabulated, "__call__", law_without(2)),
+    "pinocchio: a length off by 1e-9": around(
+        JointTree,
+        "scaled",
+        lambda right, tree, body, u: right(tree, body, (u[0] + LONG * (body == "coupler" and u[0] > 0), u[1])),
+    ),
+    "pinocchio: other branch": around(
+        JointTree, "start", lambda right, tree: right(CROSSED if "coupler" in tree.estimates else tree)
+    ),
+    "mujoco: driver rate forgotten": around(TreeSystem, "nu", lambda right, *at: 0.0 * right(*at)),
+    "mujoco: drift of the loop forgotten": around(
+        TreeRows, "closure_drift", lambda right, *at: [0.0 * part for part in right(*at)]
+    ),
+    "vector_loop: Coriolis and centripetal terms forgotten": around(
+        Sums, "acceleration", lambda right, sums, q, qd, qdd, t: right(sums, q, 0.0 * qd, qdd, t)
+    ),
+    "vector_loop: sign of nu": around(system.LoopSystem, "nu", lambda right, *at: -right(*at)),
+    "vector_loop: driver rate forgotten": around(system.Variables, "known", law_without(1)),
+    "vector_loop: driver acceleration forgotten": around(system.Variables, "known", law_without(2)),
+    "vector_loop: a slide's axis turned by 1e-9": around(
+        VectorChains,
+        "_slide",
+        lambda right, of, name, body, axis, gap: right(of, name, body, pair(complex(*axis) * cmath.rect(1, LONG)), gap),
+    ),
+    "vector_loop: a link longer by 1e-9": around(
+        VectorChains,
+        "_link",
+        lambda right, of, c, length, gap: right(of, c, replace(length, constant=length.constant + LONG), gap),
+    ),
+    "vector_loop: a constant angle the wrong way round": around(
+        chains, "_carried", lambda right, e, body, angle: right(e, e.body_j, angle)
+    ),
+}
+SPOILT = ("four-bar, open", "slider-crank, tilted and turned", "scotch yoke", "cylinder", "driven x", "welded arm")
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_planted_fault_is_seen(name, monkeypatch):
+    asked, cases = load(name.split(":")[0]), [CASES[case]() for case in SPOILT]
+    healthy = max(excess(case, asked.solve(case.scene)) for case in cases)
+    FAULTS[name](monkeypatch)
+
+    assert healthy <= 1.0
+    assert not max(excess(case, asked.solve(case.scene)) for case in cases) <= 1.0
 
 
 @pytest.mark.parametrize("error", [SystemExit(3), RecursionError("too deep"), ZeroDivisionError("planted")], ids=repr)

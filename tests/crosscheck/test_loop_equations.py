@@ -1,4 +1,4 @@
-"""Checks of the vector loops: real and complex form, rates, the mechanisms as the documents write them."""
+"""Checks of the vector loops: real and complex form, rates, the mechanisms as the documents write them; no roots."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crosscheck.documents import loops
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
 from crosscheck.engines import vector_loop
 from crosscheck.engines.march import connected
 from crosscheck.engines.vector_loop.vectors import LoopVector, Variable
-from refkin.differences import Scheme, jacobian
+from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.newton import newton
+from refkin.newton import NewtonStatus, newton
 from tests.claims import U, assert_near
 
 from .loop_scenes import DRIVES
@@ -26,6 +28,8 @@ SWING = Sinusoid(amplitude=0.4, angular_frequency=1.3, offset=0.9)
 STEP = 1e-100
 ROUNDING = 64 * U
 AT = 0.6
+GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
+"""Of the rapier drive, as its source has it: theta13, theta14, theta15, s16."""
 
 
 def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
@@ -163,19 +167,15 @@ def test_many_times_are_each_of_them():
 
 def test_poses_close_in_either_form():
     """Newton in real and in complex form, and least squares, end at the same pose, which closes."""
-    start = [math.radians(a) for a in (200.0, 80.0, 180.0)] + [400.0]
     for reading in ("R1", "R2"):
         system = loops.rapier(DRIVES[reading], math.radians(60.0))
-        real, pair = (vector_loop.close(system, start, complex_form=form) for form in (False, True))
-        least = vector_loop.minimise(system, start)
+        real, pair = (vector_loop.close(system, GUESS, complex_form=form) for form in (False, True))
+        least = vector_loop.minimise(system, GUESS)
         assert real.converged, f"{reading}: {real.status}, {pair.status}"
         assert pair.converged, f"{reading}: {real.status}, {pair.status}"
         assert least.status is vector_loop.MinimumStatus.ROOT, f"{reading}: {least.status}"
         assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
         assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
-    beyond = vector_loop.minimise(loops.rapier(DRIVES["R2"], math.radians(160.0)), start)
-    assert beyond.status is vector_loop.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
-    assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
 
 
 def test_new_estimates_are_taken_where_the_slope_vanishes():
@@ -184,8 +184,8 @@ def test_new_estimates_are_taken_where_the_slope_vanishes():
     runs = vector_loop.with_new_estimates(*system, [2.0, 5.0, 1.0])
     assert [r.converged for r in runs] == [False, True], f"{[r.status for r in runs]}"
     assert len(vector_loop.with_new_estimates(*system, [5.0, 2.0])) == 1, "an estimate was used after a root"
-    with pytest.raises(ValueError, match="estimates"):
-        vector_loop.with_new_estimates(*system, [])
+    used_up = vector_loop.with_new_estimates(lambda x: x * x + 4, lambda x: 2 * x, [0.0, 0.0])
+    assert [r.status for r in used_up] == [NewtonStatus.SINGULAR] * 2
 
 
 def test_branches_are_told_apart_by_their_jacobians():
@@ -197,3 +197,53 @@ def test_branches_are_told_apart_by_their_jacobians():
     inverses = np.linalg.inv(slopes)
     assert connected(inverses, np.array(slopes)).all(), "a pose is not connected with itself"
     assert not connected(inverses, np.array(slopes[::-1])).any(), "the two assemblies are connected"
+    others = [[[1.0, 5.0], [0.0, 2.0]], np.diag([1.0, -1.0]), np.full((2, 2), np.nan)]
+    assert connected(np.repeat(np.eye(2)[None], 3, axis=0), np.array(others)).tolist() == [True, False, False]
+
+
+def test_rates_of_the_cycle_are_those_of_its_positions():
+    """Periodic and smooth: Fourier differentiation of 512 positions is exact to round-off times the wave number."""
+    times, drive = np.linspace(0.0, math.tau, 513)[:-1], loops.rapier(DRIVES["R1"], Polynomial(coefficients=(0.0, 1.0)))
+    start = vector_loop.march(drive, [math.radians(60.0), math.tau], GUESS).q[:, -1]
+    motion = vector_loop.march(drive, times, start)
+    waves = 1j * np.fft.fftfreq(512, 1.0 / 512)
+    first = np.fft.ifft(waves * np.fft.fft(motion.q)).real
+    second = np.fft.ifft(waves**2 * np.fft.fft(motion.q)).real
+    size = np.max(np.abs(motion.q), axis=1, keepdims=True)
+
+    assert np.max(np.abs(first - motion.qd) / size) <= 256 * 64 * EPS
+    assert np.max(np.abs(second - motion.qdd) / size) <= 256**2 * 64 * EPS
+
+
+@given(angle=st.floats(math.radians(115.0), math.radians(245.0)), q0=st.tuples(*[st.floats(-0.6, 0.6)] * 2))
+def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
+    """Beyond the limit of 112.02 deg coupler and rocker, in one line, miss each other by |d| - (r3 + r4)."""
+    system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)
+    distance = 90.0 - 30.0 * complex(math.cos(angle), math.sin(angle))
+    straight = math.atan2(distance.imag, distance.real)
+    minimum = vector_loop.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
+
+    assert minimum.status is vector_loop.MinimumStatus.STALLED
+    assert minimum.gap == pytest.approx(abs(distance) - 105.0, abs=1e-9)
+
+
+def test_an_evaluation_limit_is_not_called_a_minimum():
+    four_bar = loops.four_bar(90.0, 30.0, 60.0, 45.0, math.radians(65.0))
+
+    assert (
+        vector_loop.minimise(four_bar, [2.0, -1.0], max_evaluations=2).status
+        is vector_loop.MinimumStatus.ITERATION_LIMIT
+    )
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: vector_loop.LoopSystem(("x",), [[vector_loop.LoopVector(1.0)]]), "expected 1 equations for"),
+        (lambda: vector_loop.LoopSystem(("x", "y"), [[vector_loop.LoopVector(1.0)]]), "which the loops contain"),
+        (lambda: vector_loop.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),
+    ],
+)
+def test_a_request_without_sense_is_refused_in_words(build, words):
+    with pytest.raises(ValueError, match=words):
+        build()

@@ -1,4 +1,4 @@
-"""What of Pinocchio's rows is no other engine's: turns of an angle, its half turn, and faults that must show."""
+"""What of Pinocchio is no other engine's: turns of a residual angle, its example, and where a branch ends."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.pinocchio.engine import Pinocchio
+from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN
 from crosscheck.judge.comparison import compare, reference
+from crosscheck.scenes.drawing import draw
 from refkin.joints import Prismatic, XDriver, YDriver
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
@@ -79,3 +82,20 @@ def test_the_shipped_example_holds_no_body_that_hangs_on_another() -> None:
     driver = replace(scene.mechanism.drivers[0], body="coupler")
     with pytest.raises(EngineRefusal, match=r"angle by a law of 'motor'.* by which a body hangs on the ground"):
         Pinocchio().solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))), CLOSED_CHAIN)
+
+
+def test_only_what_is_called_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the acceleration of any point or joint being asked of Pinocchio."""
+    monkeypatch.setattr(pinocchio, "getFrameClassicalAcceleration", None)
+    monkeypatch.setattr(Rows, "drift", None)
+    motion = Pinocchio().solve(four_bar(effects=frozenset({Effect.VELOCITY})).scene)
+
+    assert (motion.verdict, motion.qdd) == (Status.OK, None)
+
+
+def test_a_pose_just_before_the_end_of_a_branch_is_found_where_the_end_was_guessed_wrong() -> None:
+    """A cubic towards a wrong end fails at the same time from however near, where the tangent goes on."""
+    scene = draw(777001, 149).scene
+    engine = Pinocchio()
+
+    assert set(engine.solve(scene, engine.routes()[0]).status) == {Status.OK}

@@ -175,7 +175,8 @@ def stale_points(right: Any, self: Any, q: Any, *more: Any) -> Any:
 
 def law_without(missing: int) -> Any:
     def law(right: Any, self: Any, t: Any, order: int) -> Any:
-        return 0.0 * t if order == missing else right(self, t, order)
+        value = right(self, t, order)
+        return 0.0 * value if order == missing else value
 
     return law
 

@@ -14,13 +14,15 @@ from crosscheck.documents import loops
 from crosscheck.engines import EngineError, Level, Support, vector_loop
 from crosscheck.engines.vector_loop.engine import Reading, VectorLoop
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.measure.check import check, permuted
+from crosscheck.measure.check import permuted
 from crosscheck.strategies import Hardness, drawn_scenes
+from refkin.joints import GROUND, AngleDriver, Prismatic
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
-from .exact_linkages import CASES, four_bar
-from .loop_scenes import DRIVES, TOUCHING, rapier
+from .exact_linkages import CASES, four_bar, pin, slider_crank
+from .loop_scenes import DRIVES, TOUCHING, general_cam, rapier
 
 REGULAR = 1e-4
 """Smallest singular value above which there is no excuse for giving no answer."""
@@ -117,15 +119,7 @@ def test_gears_racks_discs_and_moved_pivots_agree(name):
     assert found_wrong(TOUCHING[name]) == []
 
 
-# ---- one more source
-
-
-def test_it_is_compared_by_its_name_without_disagreement():
-    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=12)
-    record = check(scene, ["vector_loop"])
-
-    assert record.disagreements == []
-    assert record.answers[0].compared == 12
+# ---- what it has not
 
 
 def test_it_declares_that_it_has_no_rows():
@@ -143,3 +137,54 @@ def test_a_driven_crank_is_no_unknown_and_a_four_bar_is_one_loop():
     assert value.unknowns == ("angle of rocker", "angle of coupler")
     assert len(value.loops) == 1
     assert Reading(CASES["welded arm"]().scene).system.n == 0
+
+
+def without_estimate(scene, name):
+    bodies = tuple(replace(b, estimate=None) if b.name == name else b for b in scene.mechanism.bodies)
+    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+
+
+def with_joint(scene, joint):
+    return replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, joint)))
+
+
+def floating():
+    """A body that only its angle is known of, though the constraints are as many as the coordinates."""
+    body = Body(name="free", estimate=(0.0, 0.0, 0.0))
+    drivers = tuple(
+        AngleDriver(name=f"d{k}", body=b, law=Polynomial(coefficients=(0.0,))) for k, b in enumerate(("crank", "free"))
+    )
+    twice = tuple(replace(pin("A0", GROUND, 0j, "crank", 0j), name=name) for name in ("A0", "again"))
+    return Scene(
+        mechanism=Mechanism((Body(name="crank", estimate=(0.0, 0.0, 0.0)), body), twice, drivers), times=(0.0,)
+    )
+
+
+REFUSED = {
+    "the angle of coupler has no estimate": (
+        lambda: without_estimate(four_bar().scene, "coupler"),
+        "no body has an estimate of the angle of coupler",
+    ),
+    "a redundant pin": (
+        lambda: with_joint(four_bar().scene, pin("again", GROUND, 0j, "crank", -0.5)),
+        "2 redundant constraints",
+    ),
+    "an angle given twice": (
+        lambda: with_joint(
+            slider_crank().scene,
+            Prismatic(
+                name="P2", body_i=GROUND, point_i=(0.0, 0.4), axis_i=(1.0, 0.0), body_j="slider", point_j=(0.0, 0.5)
+            ),
+        ),
+        "'P2': redundant, the angle of 'slider' is given",
+    ),
+    "a cam of general profile": (general_cam, "refuses cam 'c' at solve: no vector .* a contact on a general profile"),
+    "a body that hangs on nothing": (floating, "no joint leads from the ground to free"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_it_cannot_do_is_refused_by_name(name):
+    build, words = REFUSED[name]
+    with pytest.raises(EngineError, match=words):
+        VectorLoop().solve(build())
