@@ -495,13 +495,6 @@ def test_what_fails_only_beside_others_costs_no_row_of_theirs(fails, monkeypatch
     assert fails == "all" or part["absent"][0]["reason"] == "beside others: its process ended: SIGSEGV"
 
 
-def test_a_workload_nobody_has_heard_of_is_a_usage_error(command):
-    told = command("bench", "--only", "sweep-12")
-
-    assert told.returncode == 2
-    assert "no workload is called 'sweep-12'; there are: sweep-1000, many-10000x360" in told.stderr
-
-
 def test_a_workload_that_is_named_twice_is_measured_once(command, monkeypatch):
     asked = []
     part = {"rows": [], "absent": [], "versions": {}, "machine": {}}

@@ -154,12 +154,3 @@ def test_a_night_on_a_cluster_is_the_night_on_this_machine(tmp_path):
 
     assert [process.returncode for process in rows] == [0, 0]
     assert digests([read_line(line) for line in lines[0]]) == digests([read_line(line) for line in lines[1]])
-
-
-def test_an_address_that_is_none_is_a_usage_error(tmp_path):
-    process = crosscheck("nightly", "--scenes", 1, "--cluster", "somewhere", "--out", tmp_path)
-
-    assert process.returncode == 2
-    assert process.stderr == (
-        "--cluster: expected 'local' or a scheduler's address like tcp://host:8786, got 'somewhere'\n"
-    )

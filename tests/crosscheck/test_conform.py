@@ -80,12 +80,6 @@ def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(command,
     assert shown.splitlines()[-1].endswith(" refused, 0 wrong")
 
 
-def test_one_engine_is_asked_and_several_are_refused(command):
-    code, _, told = command("conform", "mujoco,exudyn")
-
-    assert (code, told.strip()) == (2, "ENGINE: expected one name, or `file.py:Class`, got 'mujoco,exudyn'")
-
-
 def test_what_is_not_compared_of_a_question_that_is_answered_is_said(tmp_path):
     silent = engine_file(tmp_path, after="motion = replace(motion, points={})")
     said = told(silent, "revolute", "points of two bodies")

@@ -298,24 +298,6 @@ def test_points_of_the_scene_are_what_is_priced():
     assert only(rows(of_refkin(scene), reference(scene), 0.0), "points").note.startswith("2 of them")
 
 
-def test_an_unknown_engine_is_told_in_one_line(command):
-    code, out, err = command("effects", EXAMPLE, "--engines", "nobody")
-
-    assert (code, out) == (2, "")
-    assert err.startswith("no engine is called 'nobody'; there are: closed_form, ")
-
-
-@pytest.mark.parametrize("text", ["schema = ", 'schema = 1\nname = "no bodies"\n'])
-def test_a_broken_scene_is_told_once_and_nothing_is_measured(text, tmp_path, command):
-    path = tmp_path / "broken.toml"
-    path.write_text(text, encoding="utf-8")
-    code, out, err = command("effects", path)
-
-    assert (code, out) == (2, "")
-    assert "broken.toml" in err
-    assert "Traceback" not in err
-
-
 @pytest.mark.parametrize("spec", ["exudyn", "mujoco", "pinocchio", "vector_loop"])
 @pytest.mark.parametrize(("effects", "highest"), [((), 1), (("velocity",), 1), (("acceleration",), 2)])
 def test_no_engine_evaluates_a_law_beyond_the_rate_that_its_march_predicts_by(spec, effects, highest, monkeypatch):

@@ -237,14 +237,6 @@ def test_the_reference_is_still_within_the_accepted_proof(accepted: Any) -> None
     assert differences(accepted["cases"], now, ()) == []
 
 
-def test_nothing_is_accepted_without_being_asked(tmp_path: Path, command: Any) -> None:
-    code, _, err = command("baseline", "--engines", "closed_form", "--file", tmp_path / "b.json")
-
-    assert code == 2
-    assert "crosscheck baseline --accept makes one" in err
-    assert not (tmp_path / "b.json").exists()
-
-
 def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, command: Any) -> None:
     expect_digits(file, ROUTE, rounding=True)
     before = file.read_bytes()
@@ -288,10 +280,3 @@ def test_an_engine_that_the_baseline_does_not_have_is_named(file: Path, command:
 
 def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path: Path, command: Any) -> None:
     assert command("baseline", "--engines", f"{tmp_path / 'gone.py'}:Gone", "--file", file).returncode == 3
-
-
-def test_a_baseline_that_was_asked_for_and_is_not_there_ends_the_night_with_2(tmp_path: Path, command: Any) -> None:
-    pair = ("--engines", "closed_form", "--scenes", 1, "--out", tmp_path / "out", "--baseline", tmp_path / "b.json")
-
-    assert command("nightly", *pair).returncode == 2
-    assert not (tmp_path / "out").exists()

@@ -227,10 +227,3 @@ def test_the_command_fails_when_a_row_does(command, monkeypatch):
 
     assert code == 1
     assert "FAIL A9: f'(-1.2)" in out
-
-
-def test_the_command_refuses_an_unknown_row(command):
-    code, _, err = command("ledger", "Z9")
-
-    assert code == 2
-    assert "'Z9'" in err

@@ -108,14 +108,6 @@ def test_through_goes_straight_on_at_bifurcations(command):
     assert path["t"][-1] == 7.0
 
 
-def test_a_driver_that_does_not_exist_is_a_usage_error(command):
-    code, _, err = command("follow", limited(), "--driver", "wheel")
-
-    assert code == 2
-    assert err.strip() == "no driver is called 'wheel'; there are: driver"
-    assert command("follow", limited(), "--driver", "").returncode == 2
-
-
 def test_a_path_without_a_start_says_why(command):
     code, out, _ = command("follow", beyond())
 

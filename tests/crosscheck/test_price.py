@@ -376,22 +376,6 @@ def test_a_list_is_printed_though_its_page_cannot_be_written(again, tmp_path):
     assert "page.html: No space left on device" in err
 
 
-def test_a_list_that_is_no_file_is_refused_in_one_line(tmp_path, command):
-    for path in (tmp_path, tmp_path / "none.json"):
-        code, out, err = command("price", EXAMPLE, "--again", path)
-
-        assert (code, out, err.count("\n")) == (2, "", 1)
-        assert path.name in err
-
-
-@pytest.mark.parametrize("arguments", [["no such scene.toml"], [str(EXAMPLE), "--page", "no such folder/page.html"]])
-def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_measured(arguments, command):
-    code, out, err = command("price", *arguments)
-
-    assert (code, out) == (2, "")
-    assert "no such" in err
-
-
 def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, command):
     path = tmp_path / "scene.toml"
     text = EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3")

@@ -235,21 +235,6 @@ def test_a_file_of_lists_in_lists_and_numbers_beyond_all_bounds_are_no_traceback
     assert scores(graded(folder, {name: answer}, tmp_path)[1][0]) == {"position": 0.0}
 
 
-def test_a_family_that_is_not_there_is_told_with_those_that_are(tmp_path, command):
-    told = command("problems", "export", tmp_path / "set", "--only", "zzz")
-
-    assert told.returncode == 2
-    assert "--only: expected a part of the name of a family, got 'zzz'; there are: " in told.stderr
-    assert not (tmp_path / "set").exists()
-
-
-def test_a_set_is_not_written_to_a_file(tmp_path, command):
-    (tmp_path / "set").touch()
-    told = command("problems", "export", tmp_path / "set", "--only", "guided")
-
-    assert (told.returncode, "--folder: expected a folder that can be written to, got" in told.stderr) == (2, True)
-
-
 @pytest.mark.parametrize("rows", NO_ROWS)
 def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, command, rows):
     right = truth(folder, name := "four-bars-01-open")

@@ -42,12 +42,3 @@ def test_a_scene_without_a_program_says_why(command, tmp_path):
 
     assert code == 1
     assert "no program" in out
-
-
-def test_a_file_that_is_no_scene_is_a_usage_error(command, tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text("schema = 1\n", encoding="utf-8")
-    code, _, err = command("program", path)
-
-    assert code == 2
-    assert "Traceback" not in err
