@@ -176,6 +176,8 @@ def test_poses_close_in_either_form():
         assert least.status is vector_loop.MinimumStatus.ROOT, f"{reading}: {least.status}"
         assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
         assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
+    beyond = vector_loop.minimise(loops.rapier(DRIVES["R2"], math.radians(160.0)), GUESS)
+    assert beyond.status is vector_loop.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
 
 
 def test_new_estimates_are_taken_where_the_slope_vanishes():
