@@ -25,6 +25,7 @@ from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Motion
 from refkin.motion_laws import Polynomial, Sinusoid
 from tests.drawn import pair, pin
+from tests.linkages import remade
 
 EPS = float(np.finfo(float).eps)
 
@@ -333,9 +334,9 @@ def planet_five_bar() -> Case:
     return Case(scene_of(rows, joints), rows, float(np.max(1.0 / np.abs(np.sin(rocker.p - link.p)))))
 
 
-def remade(case: Case, **parts: Any) -> Case:
+def case_with(case: Case, **parts: Any) -> Case:
     """Return a case with other parts of its mechanism."""
-    return replace(case, scene=replace(case.scene, mechanism=replace(case.scene.mechanism, **parts)))
+    return replace(case, scene=remade(case.scene, **parts))
 
 
 def turned_on(case: Case, turns: int) -> Case:
@@ -344,7 +345,7 @@ def turned_on(case: Case, turns: int) -> Case:
     law = replace(motor.law, coefficients=(motor.law.coefficients[0] + away[2], *motor.law.coefficients[1:]))
     bodies = tuple(replace(b, estimate=tuple(b.estimate + away)) for b in case.scene.mechanism.bodies)
     rows = {name: [levels[0] + away[:, None], *levels[1:]] for name, levels in case.rows.items()}
-    return replace(remade(case, bodies=bodies, drivers=(replace(motor, law=law),)), rows=rows)
+    return replace(case_with(case, bodies=bodies, drivers=(replace(motor, law=law),)), rows=rows)
 
 
 CASES: dict[str, Callable[[], Case]] = {

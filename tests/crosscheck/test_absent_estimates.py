@@ -12,23 +12,19 @@ from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.judge.comparison import reference
 from crosscheck.measure.check import _is_refusal, check, estimated
 from refkin.joints import PLANE
-from refkin.model import Scene
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar
+from tests.linkages import ROCKER, without_estimates
 
 EXAMPLES = sorted((Path(__file__).parent.parent.parent / "examples").glob("*.toml"))
-
-
-def without_estimates(path: Path, *kept: str) -> Scene:
-    scene = load(path)
-    bodies = tuple(b if b.name in kept else replace(b, estimate=None) for b in scene.mechanism.bodies)
-    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=scene.times[:5])
 
 
 @pytest.mark.parametrize("kept", [(), ("crank",)], ids=["no estimate", "one estimate"])
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_every_engine_answers_a_scene_without_estimates_and_agrees(path, kept):
-    scene, engines = without_estimates(path, *kept), ["closed_form", "exudyn", "pinocchio", "mujoco"]
+    whole = load(path)
+    scene = without_estimates(replace(whole, times=whole.times[:5]), *kept)
+    engines = ["closed_form", "exudyn", "pinocchio", "mujoco"]
     engines += ["vector_loop"] if scene.mechanism.kind is PLANE else []
     record = check(scene, engines)
 
@@ -37,7 +33,7 @@ def test_every_engine_answers_a_scene_without_estimates_and_agrees(path, kept):
 
 
 def test_an_estimate_that_is_absent_is_the_first_pose_of_the_reference_rounded():
-    scene = without_estimates(EXAMPLES[0])
+    scene = without_estimates(load(EXAMPLES[0]))
     ref = reference(scene)
     given = np.concatenate([body.estimate for body in estimated(scene, ref).mechanism.bodies])
     off = [np.max(np.abs(given - ref.motion.q[:, k])) for k in (0, -1)]
@@ -48,8 +44,7 @@ def test_an_estimate_that_is_absent_is_the_first_pose_of_the_reference_rounded()
 def test_an_estimate_that_is_absent_has_the_digits_that_tell_assemblies_apart():
     """Near a flat pose they are about sigma_min apart; rounding takes a twentieth of that, in sizes and radians."""
     scene = FourBar(ground=4.0, crank=1.0, coupler=2.0 + 1e-5, rocker=3.0).scene(samples=3)
-    bodies = tuple(replace(body, estimate=None) for body in scene.mechanism.bodies)
-    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=scene.times[1:2])
+    scene = without_estimates(replace(scene, times=scene.times[1:2]))
     ref = reference(scene)
     given = np.concatenate([body.estimate for body in estimated(scene, ref).mechanism.bodies])
     off = np.max(np.abs(given - ref.motion.q[:, 0]) / np.tile([4.0, 4.0, 1.0], 3))
@@ -62,9 +57,7 @@ def test_an_estimate_that_is_absent_has_the_digits_that_tell_assemblies_apart():
 
 def test_what_an_engine_says_of_a_scene_without_all_estimates_is_taken_for_a_refusal():
     """Which assembly is meant is left open; with all of them only what is called a refusal is one."""
-    whole = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
-    first, *others = whole.mechanism.bodies
-    part = replace(whole, mechanism=replace(whole.mechanism, bodies=(replace(first, estimate=None), *others)))
+    scenes = (ROCKER.scene(samples=2), without_estimates(ROCKER.scene(samples=2), "coupler", "rocker"))
 
-    assert [_is_refusal(EngineError("no"), scene) for scene in (whole, part)] == [False, True]
-    assert [_is_refusal(EngineRefusal("never"), scene) for scene in (whole, part)] == [True, True]
+    assert [_is_refusal(EngineError("no"), scene) for scene in scenes] == [False, True]
+    assert [_is_refusal(EngineRefusal("never"), scene) for scene in scenes] == [True, True]

@@ -19,16 +19,16 @@ from crosscheck.engines.closed_form.linkage import CircleLocus, JetPose, LineLoc
 from crosscheck.engines.closed_form.solution import PART, _gaps, _lost_after, _moves
 from crosscheck.judge.comparison import compare, reference
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
-from refkin.model import Body, Mechanism, Point, Scene
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
 from tests.claims import U
 from tests.drawn import Drawing
+from tests.linkages import remade, with_law, without_estimates
 
 from .closed_form_scenes import in_balls
-from .loop_closures import Carried
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
@@ -99,7 +99,7 @@ def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted, scale, sign, away):
         replace(j, point_i=(j.point_i[0] + away * scale, j.point_i[1])) if j.body_i == GROUND else j
         for j in scene.mechanism.joints
     ]
-    flat = replace(scene, mechanism=replace(scene.mechanism, bodies=tuple(bodies), joints=tuple(joints)))
+    flat = remade(scene, bodies=tuple(bodies), joints=tuple(joints))
 
     assert orientation(ClosedForm().solve(flat)) == sign
 
@@ -143,9 +143,8 @@ def test_a_group_is_turned_as_the_estimate_of_any_of_its_bodies_says():
 def test_without_estimates_the_positive_orientation_is_taken_and_said(made):
     scene = linkage(LENGTHS, estimates=False)
     if made == "slider-crank":  # of which the line is known, and the circle is not
-        plain = SliderCrank(crank=1.0, rod=3.0).scene(speed=1.0, turns=1, samples=3, branch="open")
-        bodies = tuple(replace(body, estimate=None) for body in plain.mechanism.bodies)
-        scene = replace(plain, mechanism=replace(plain.mechanism, bodies=bodies))
+        scene = SliderCrank(crank=1.0, rod=3.0).scene(speed=1.0, turns=1, samples=3, branch="open")
+    scene = without_estimates(scene)
     motion = ClosedForm().solve(scene)
 
     assert motion.verdict is Status.OK
@@ -296,8 +295,7 @@ def test_a_limit_passed_and_come_back_from_between_two_times_is_seen(beyond, ver
     (_, end), *_ = linkage.input_range()
     law = Sinusoid(amplitude=end * (1.0 + beyond), angular_frequency=1.0)
     start = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0, 1e-3), branch="open")
-    driver = replace(start.mechanism.drivers[0], law=law)
-    scene = replace(start, mechanism=replace(start.mechanism, drivers=(driver,)), times=(0.0, 1.0, 2.0, 3.0))
+    scene = replace(with_law(start, law), times=(0.0, 1.0, 2.0, 3.0))
 
     assert ClosedForm().solve(scene).verdict is verdict
 
@@ -353,16 +351,6 @@ def test_a_slack_that_is_least_between_two_times_is_followed_down_to_where_it_is
     assert _lost_after((0.0, 2.0, 4.0), slack_of(law.deriv() * -1.0, asked), np.zeros(2)) == 4.0  # and stays so
 
 
-def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():
-    """Crank at 0 and 4 = 1 + 1.5 + 1.5: coupler and rocker in line."""
-    lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5}
-    motion = ClosedForm().solve(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
-
-    assert motion.verdict is Status.SINGULAR
-    assert motion["rocker"].phi == pytest.approx(math.pi, abs=1e-7)
-    assert np.isnan(motion.qd).all()
-
-
 def test_what_does_not_feel_a_short_chord_keeps_its_digits():
     """A chord's rates err by 1 / chord^3; along the span of the two circles nothing of that is to be left."""
     scene = load(CORPUS / "closed-form-beside-a-change-point.toml")
@@ -398,23 +386,12 @@ def test_exact_laws_agree_with_float_laws(law, rate):
     scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 3.0, 13)))
     driver = {"rate_law": law, "initial": 0.3} if rate else {"law": law}
     motor = AngleDriver(name="motor", body="crank", **driver)
-    driven = replace(scene, mechanism=replace(scene.mechanism, drivers=(motor,)))
+    driven = remade(scene, drivers=(motor,))
     crank = in_balls(driven).motion["crank"]
     expected = [motor.laws[0](np.array(scene.times), order) for order in range(3)]
 
     for got, want in zip((crank.phi, crank.phid, crank.phidd), expected, strict=True):
         assert np.abs(got - want).max() < 1e-14
-
-
-def test_points_move_with_their_body():
-    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 1.0, 5)))
-    scene = replace(scene, points=(Point(name="P", body="coupler", position=(0.3, 0.2)),))
-    motion = ClosedForm().solve(scene)
-    carried = Carried(motion, "coupler").point((0.3, 0.2))
-    p = motion.points["P"]
-
-    for got, want in zip((p.r, p.v, p.a), carried, strict=True):
-        assert np.abs(got[0] + 1j * got[1] - want).max() < 1e-14
 
 
 def triad():
@@ -437,7 +414,7 @@ def test_redundant_constraints_are_refused_by_name():
     m = scene.mechanism
 
     with pytest.raises(EngineRefusal, match="1 redundant constraint"):
-        ClosedForm().solve(replace(scene, mechanism=replace(m, drivers=(*m.drivers, twice))))
+        ClosedForm().solve(remade(scene, drivers=(*m.drivers, twice)))
 
 
 def test_an_angle_given_twice_is_refused_by_name():

@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.convergence import NOTHING, linear_rate, newton_order, slope
-from refkin import FourBar, Polynomial, compile_system
+from refkin import Polynomial
 from refkin.differences import EPS, Scheme, jacobian, step
 from refkin.newton import newton
 from tests.claims import assert_near, error_bound
-
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+from tests.linkages import ROCKER, system_of
 
 
 def test_the_chord_method_converges_linearly():
     scene = ROCKER.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,))
-    system, pose = compile_system(scene.mechanism, unit=scene.mechanism.unit()), ROCKER.assemble(1.0)
+    system, pose = system_of(scene), ROCKER.assemble(1.0)
     start = system.to_unit(np.concatenate([pose[b.name] for b in scene.mechanism.bodies]))
     start[[5, 8]] += (0.1, -0.1)
     phi, phi_q = (partial(f, t=0.0) for f in (system.phi, system.phi_q))

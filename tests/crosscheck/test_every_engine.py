@@ -30,7 +30,7 @@ from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial
 from tests.refkin.test_sweep import twice
 
-from .exact_linkages import CASES, EPS, T, excess, four_bar, pair, remade, turned_on
+from .exact_linkages import CASES, EPS, T, case_with, excess, four_bar, pair, turned_on
 from .made_up_engines import Made, raises
 from .test_planted_faults import around, law_without
 
@@ -149,7 +149,7 @@ def test_the_angle_of_a_crank_runs_on_without_a_jump(engine):
 @pytest.mark.parametrize("case", [four_bar(), CASES["inverted slider-crank"]()], ids=["four-bar", "inverted"])
 def test_a_law_may_begin_whole_turns_from_where_estimates_show_its_pose(engine, case, turns):
     """From estimates a turn away Newton went to the other assembly, and called it ok."""
-    scene = remade(turned_on(case, turns), bodies=case.scene.mechanism.bodies).scene
+    scene = case_with(turned_on(case, turns), bodies=case.scene.mechanism.bodies).scene
 
     assert engine.solve(scene).verdict is Status.OK
     assert check(scene, [engine]).disagreements == []
@@ -169,7 +169,7 @@ def test_turns_of_the_estimate_of_one_body_are_kept(engine, turns):
     *others, rocker = case.scene.mechanism.bodies
     x, y, phi = rocker.estimate
     motion = engine.solve(
-        remade(case, bodies=(*others, replace(rocker, estimate=(x, y, phi + turns * math.tau)))).scene
+        case_with(case, bodies=(*others, replace(rocker, estimate=(x, y, phi + turns * math.tau)))).scene
     )
     off = motion["rocker"].phi - case.rows["rocker"][0][2]
 
@@ -178,7 +178,7 @@ def test_turns_of_the_estimate_of_one_body_are_kept(engine, turns):
 
 def test_the_order_of_bodies_and_joints_does_not_matter(engine):
     mechanism = four_bar().scene.mechanism
-    case = remade(four_bar(), bodies=mechanism.bodies[::-1], joints=mechanism.joints[::-1])
+    case = case_with(four_bar(), bodies=mechanism.bodies[::-1], joints=mechanism.joints[::-1])
     motion = engine.solve(case.scene)
 
     assert motion.bodies == ("rocker", "coupler", "crank")
@@ -239,7 +239,7 @@ def test_a_linkage_that_cannot_close_has_no_answer_and_nothing_is_printed_or_wri
     monkeypatch.chdir(tmp_path)
     joints = {joint.name: joint for joint in four_bar().scene.mechanism.joints}
     joints["B"] = replace(joints["B"], point_j=(7.75, -0.25))
-    open_loop = replace(remade(four_bar(), joints=tuple(joints.values())).scene, times=(0.0, 0.1))
+    open_loop = replace(case_with(four_bar(), joints=tuple(joints.values())).scene, times=(0.0, 0.1))
 
     for route in engine.routes():
         motion = engine.solve(open_loop, route)
@@ -262,7 +262,7 @@ NO_ESTIMATE = {
 @pytest.mark.parametrize("name", NO_ESTIMATE)
 def test_a_body_without_estimate_is_refused_by_name(name):
     crank, coupler, rocker = four_bar().scene.mechanism.bodies
-    scene = remade(four_bar(), bodies=(crank, replace(coupler, estimate=None), rocker)).scene
+    scene = case_with(four_bar(), bodies=(crank, replace(coupler, estimate=None), rocker)).scene
 
     with pytest.raises(EngineError, match=NO_ESTIMATE[name]):
         load(name).solve(scene)

@@ -30,6 +30,7 @@ from refkin.model import Body
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.system import compile_system
+from tests.linkages import remade, with_law
 
 from .exact_linkages import CASES as LINKAGES
 from .exact_linkages import (
@@ -40,9 +41,9 @@ from .exact_linkages import (
     T,
     at_rest,
     body_rows,
+    case_with,
     four_bar,
     pin,
-    remade,
     scene_of,
     slider_crank,
     turned_on,
@@ -118,9 +119,8 @@ def test_times_out_of_reach_are_marked_and_the_others_are_answered() -> None:
     """The crank of a triple rocker is driven past its limit, 2.5477 rad, and back again."""
     linkage = refkin.FourBar(ground=4.0, crank=3.0, coupler=3.5, rocker=3.2)
     start = linkage.scene(law=Polynomial(coefficients=(2.0,)), times=(0.0,))
-    driver = replace(start.mechanism.drivers[0], law=Polynomial(coefficients=(2.0, 1.5, -0.75)))
     times = tuple(np.linspace(0.0, 2.0, 21).tolist())
-    scene = replace(start, mechanism=replace(start.mechanism, drivers=(driver,)), times=times)
+    scene = replace(with_law(start, Polynomial(coefficients=(2.0, 1.5, -0.75))), times=times)
     motion = Exudyn().solve(scene)
     reached = [2.0 + 1.5 * t - 0.75 * t * t < 2.5476 for t in scene.times]
 
@@ -158,7 +158,7 @@ def test_redundant_rows_are_solved_by_the_static_method_and_stop_the_shipped_set
 def with_slider_turned(case: Case, by: float) -> Case:
     *others, slider = case.scene.mechanism.bodies
     x, y, phi = slider.estimate
-    return remade(case, bodies=(*others, Body(name="slider", estimate=(x, y, phi + by))))
+    return case_with(case, bodies=(*others, Body(name="slider", estimate=(x, y, phi + by))))
 
 
 @pytest.mark.parametrize("route", [STATIC, SHIPPED])
@@ -195,7 +195,7 @@ def test_a_law_by_rate_or_by_table_drives_as_the_polynomial_it_stands_for(kind: 
         "rate": {"rate_law": Polynomial(coefficients=(c1, 2 * c2)), "initial": c0},
         "table": {"law": Table(argument=tuple(knots), value=tuple(c0 + c1 * t + c2 * t * t for t in knots))},
     }
-    assert_exact(remade(four_bar(), drivers=(AngleDriver(name="motor", body="crank", **laws[kind]),)))
+    assert_exact(case_with(four_bar(), drivers=(AngleDriver(name="motor", body="crank", **laws[kind]),)))
 
 
 # What is declared and what is refused
@@ -314,7 +314,7 @@ def below_zero(scene: refkin.Scene) -> refkin.Scene:
     """The same scene, its driven distance given by a law below zero: our row has its square."""
     *others, driver = scene.mechanism.drivers
     below = replace(driver, law=Polynomial(coefficients=tuple(-c for c in driver.law.coefficients)))
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(*others, below)))
+    return remade(scene, drivers=(*others, below))
 
 
 def by_a_cylinder() -> refkin.Scene:
@@ -477,7 +477,7 @@ def test_a_length_that_exudyn_does_not_take_leaves_no_other_at_its_time(name: st
     scene = refkin.load(Path(__file__).parents[2] / "docs" / "scenes" / f"{name}.toml")
     (driver,) = scene.mechanism.drivers
     two = [replace(driver, name=x, law=Polynomial(coefficients=(1.5, slope))) for x, slope in (("a", 1.0), ("b", -1.0))]
-    model = Exudyn().constraints(replace(scene, mechanism=replace(scene.mechanism, drivers=tuple(two))))
+    model = Exudyn().constraints(remade(scene, drivers=tuple(two)))
     q = np.concatenate([body.estimate for body in scene.mechanism.bodies])
     rows = model.residual(q, 0.0)
 

@@ -37,6 +37,7 @@ from refkin.model import Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.scenes.files import load
 from tests.kept import differences, on_every_processor, plain, read, same, write
+from tests.linkages import without_estimates
 from tests.refkin.test_answers import files
 
 FILE = Path(__file__).with_name("judgements.json")
@@ -150,7 +151,7 @@ def judged(scene: Scene) -> dict[str, Any]:
     ref = known(reference(scene) if truth is None else truth.ref)
     off, few = moved(ref), moved(ref, fewer=True)
     said: dict[str, Any] = {
-        "estimates": [body.estimate for body in estimated(unplaced(scene), ref).mechanism.bodies],
+        "estimates": [body.estimate for body in estimated(without_estimates(scene), ref).mechanism.bodies],
         "common": ref.common and asdict(ref.common),
         "decades": ref.decades,
         "row": [reference_row(ref, 0.0).sigma_per_step, reference_row(ref, 0.0).rounding_by_sigma],
@@ -194,11 +195,6 @@ def judged(scene: Scene) -> dict[str, Any]:
         at = configurations(scene.mechanism, near, ref.motion.t[truth.known], scene.name, 2)
         said["rows"] = own_rows(scene, at)
     return plain(said)
-
-
-def unplaced(scene: Scene) -> Scene:
-    m = scene.mechanism
-    return replace(scene, mechanism=replace(m, bodies=tuple(replace(body, estimate=None) for body in m.bodies)))
 
 
 def budget(ref: Reference, terms: Any) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from crosscheck.engines.pinocchio import engine as pinocchio_engine
 from crosscheck.engines.pinocchio.engine import PinocchioTree
 from crosscheck.engines.tree.tree_system import link_terms
 from crosscheck.measure.check import check
+from tests.linkages import with_law
 
 NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"
 """A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: there the link turns 64 times as fast."""
@@ -21,9 +21,7 @@ NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.to
 def disagreements(before=1e-3):
     scene = refkin.load(NEAR_LIMIT)
     law = refkin.Polynomial(coefficients=(0.0, math.asin(10.0 / 80.0) - before))
-    (driver,) = scene.mechanism.drivers
-    scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(replace(driver, law=law),)))
-    record = check(scene, engines=["pinocchio"])
+    record = check(with_law(scene, law), engines=["pinocchio"])
     return {(d.quantity, d.kind) for d in record.disagreements}
 
 

@@ -23,6 +23,7 @@ from refkin.joints import Revolute
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
+from tests.linkages import without_estimates
 from tests.refkin.test_sweep import three_cranks
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
@@ -229,9 +230,7 @@ def test_times_that_exudyn_does_not_go_through_by_itself_are_refused(times, why)
 
 @pytest.mark.parametrize("producer", PRICED)
 def test_bodies_without_an_estimate_are_named(producer):
-    bodies = tuple(replace(body, estimate=None) for body in SCENE.mechanism.bodies)
-    lost = replace(SCENE, mechanism=replace(SCENE.mechanism, bodies=bodies))
-    reasons = refused(producer, lost).values()
+    reasons = refused(producer, without_estimates(SCENE)).values()
 
     assert any("estimate" in reason and "crank" in reason for reason in reasons) or producer == "refkin-batch"
 

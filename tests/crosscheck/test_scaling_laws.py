@@ -17,13 +17,13 @@ import pytest
 
 import refkin
 from crosscheck.documents.convergence import slope
-from refkin import FourBar, InvertedSliderCrank, Polynomial, SliderCrank, Status, compile_system
+from refkin import FourBar, InvertedSliderCrank, Polynomial, SliderCrank, Status
 from refkin.differences import EPS
 from refkin.proof.pose.certificate import certify, unique_within
+from tests.linkages import LIMITED, system_of
 
 TOLERANCE = 0.02
 DISTANCES = 10.0 ** np.arange(-7.0, -3.5, 0.5)
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def found(request):
     for d in DISTANCES:
         scene = law.scene(d)
         motion = refkin.solve(scene)
-        system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+        system = system_of(scene)
         proof = certify(system, system.to_unit(motion.q), motion.t)
         unique = unique_within(system, proof.rows, system.to_unit(motion.q), motion.t, proof.position)
         assert motion.verdict is Status.OK

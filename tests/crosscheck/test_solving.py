@@ -25,11 +25,10 @@ from refkin.solving.solve import solve
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near
+from tests.linkages import LIMITED, ROCKER, system_of, with_law
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7, 0.2))
 TIMES = (0.0, 0.35, 0.9)
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 STEP = 1e-100
 
 
@@ -111,8 +110,7 @@ def test_what_cannot_be_is_said():
     limit = LIMITED.input_range()[0][1]
     scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.1,)), times=(0.0,))
 
-    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(limit + 0.05,)))
-    beyond = solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
+    beyond = solve(with_law(scene, Polynomial(coefficients=(limit + 0.05,))))
     assert beyond.verdict is Status.UNASSEMBLABLE, f"beyond the limit: {beyond.verdict}"
     assert np.isnan(beyond.q).all(), "beyond the limit: a pose"
     folded = FourBar(ground=3.0, crank=1.0, coupler=2.0, rocker=2.0).scene(
@@ -128,7 +126,7 @@ def test_a_sweep_steps_down_and_stops():
     """A sweep that is led over a limit stops before it, with the sign of its determinant kept on all accepted poses."""
     limit = LIMITED.input_range()[0][1]
     scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.3, 1.0)), times=(0.0,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     pose = LIMITED.assemble(limit - 0.3)
     sweep = Sweep(system, [0.0], [system.to_unit(np.concatenate([pose[b.name] for b in scene.mechanism.bodies]))])
     arrival = sweep.to(0.5)

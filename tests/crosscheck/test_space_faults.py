@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -25,201 +25,154 @@ from . import space_scenes
 LEVELS = ("residual", "jacobian", "constraint_velocity", "drift", "position", "velocity", "acceleration")
 
 
-def wrong_at(engine: str, scene: Any = None) -> set[str]:
-    record = check(scene or space_scenes.rssr(), [engine])
+def wrong_at(engine: str, scene: Any) -> set[str]:
+    record = check(scene, [engine])
     return {item.quantity for item in record.disagreements if item.method != "shipped"}
 
 
-Patch = pytest.MonkeyPatch
+class Fault(NamedTuple):
+    """What is planted, in which engine's answer to which scene it shows, where it must and where it may not."""
+
+    owner: Any
+    name: str
+    wrong: Callable[..., Any]
+    """Given what is right, returns what stands in its place."""
+    engine: str
+    shows: set[str]
+    sound: set[str]
+    make: Callable[[], Any] = space_scenes.rssr
 
 
-def scalar_last(patch: Patch) -> None:
-    """Pinocchio is handed Euler parameters as they are, where it wants the scalar last."""
-    patch.setattr(pinocchio_space.PinocchioSpace, "coordinates", lambda self, q: np.array(q, float))
+def other_side(_: Any) -> Any:
+    """E^T for E: e~ with the other sign."""
 
-
-def transposed(patch: Patch) -> None:
-    """Rates of balls by E^T for E: e~ with the other sign."""
-
-    def other(p: Any) -> Any:
+    def columns(p: Any) -> Any:
         e0, e1, e2, e3 = np.moveaxis(p, -1, 0)
         rows = np.array([[-e1, e0, -e3, e2], [-e2, e3, e0, -e1], [-e3, -e2, e1, e0]])
         return 2.0 * np.moveaxis(rows, (0, 1), (-2, -1))
 
-    patch.setattr(tree, "body_columns", other)
+    return columns
 
 
-def without_the_square(patch: Patch) -> None:
-    """p'' without |w|^2 p / 4."""
-    patch.setattr(motion, "bends", lambda p, w, alpha: motion.rates(p, alpha))
-
-
-def half_of_a_half(patch: Patch) -> None:
-    """The weld's rows taken for the half-angle rows themselves."""
-    real = motion._maps
-    patch.setattr(motion, "_maps", lambda meeting, welded, factor: real(meeting, welded, 2.0 * factor))
-
-
-def axes_swapped(patch: Patch) -> None:
-    """f and h of every joint frame change places."""
-    real = reading.joint_frame
-    patch.setattr(reading, "joint_frame", lambda axis, zero: real(axis, zero)[:, [2, 1, 0]] * [1.0, -1.0, 1.0])
-
-
-def rate_forgotten(patch: Patch) -> None:
-    """The rate of a driven angle is left out."""
-    patch.setattr(exudyn_space.ExudynSpace, "law_rates", lambda self, t: np.zeros(len(self.lines)))
-
-
-def curvature_forgotten(patch: Patch) -> None:
-    """Drift terms of axes without the term of both rates."""
-    whole = exudyn_space.product
-    patch.setattr(exudyn_space, "product", lambda a, b: whole((a[0], 0.0 * a[1], a[2]), b))
-
-
-def raw_columns(patch: Patch) -> None:
-    """exudyn's columns of Euler parameters projected with the wrong sign of e~."""
-    real = exudyn_space.common_columns
-
-    def other(q: Any) -> Any:
-        mirrored = np.array(q, float).reshape(-1, 7) * [1, 1, 1, 1, -1, -1, -1]
-        turned = real(mirrored.ravel()).reshape(len(q) // 7, 7, -1)
+def mirrored(right: Any) -> Any:
+    def columns(q: Any) -> Any:
+        other = np.array(q, float).reshape(-1, 7) * [1, 1, 1, 1, -1, -1, -1]
+        turned = right(other.ravel()).reshape(len(q) // 7, 7, -1)
         turned[:, 4:] *= -1.0
         return turned.reshape(len(q), -1)
 
-    patch.setattr(exudyn_space, "common_columns", other)
+    return columns
 
 
-def connects_crossed(patch: Patch) -> None:
-    """MuJoCo's connect reads body i minus body j."""
-    real = mujoco_space.MujocoSpace._equality
-    patch.setattr(mujoco_space.MujocoSpace, "_equality", lambda self, name, kind, i, j: real(self, name, kind, j, i))
-
-
-def axis_reversed(patch: Patch) -> None:
-    """MuJoCo's hinges turn left-handed."""
-    patch.setitem(mujoco_space.JOINTS, "revolute", [(mujoco_space.HINGE, [0.0, 0.0, -1.0])])
-
-
-def pitch_for_a_turn(patch: Patch) -> None:
-    """Pinocchio is told metres for a whole turn, where it wants them for a radian."""
-    real = pinocchio_space.pin.JointModelHelicalUnaligned
-    patch.setattr(pinocchio_space.pin, "JointModelHelicalUnaligned", lambda axis, h: real(axis, 2.0 * np.pi * h))
-
-
-def slide_left_behind(patch: Patch) -> None:
-    """The slide of MuJoCo's screw moves half as fast as its hinge says, but stands where it should."""
-    real = mujoco_space.MujocoSpace._columns
-
+def slower_slide(right: Any) -> Any:
     def columns(self: Any) -> Any:
-        out = real(self)
+        out = right(self)
         out[np.flatnonzero(np.abs(out).sum(axis=1) != 1.0)] *= 0.5
         return out
 
-    patch.setattr(mujoco_space.MujocoSpace, "_columns", columns)
+    return columns
 
 
-def omega_of_the_body(patch: Patch) -> None:
-    """Angular velocities of the ground frame are taken for those in the body's own axes."""
-    patch.setattr(motion, "rates", lambda p, w: turning.conjugate(turning.rates(turning.conjugate(p), w)))
-
-
-def columns_of_the_body(patch: Patch) -> None:
-    """Pinocchio's columns of a free body are taken for those of the ground frame."""
-    patch.setattr(motion.SpaceRows, "_to_body", lambda self, q: np.eye(6 * len(self.numbers.bodies)))
-
-
-def bodies_swapped(patch: Patch) -> None:
-    """Joints of MuJoCo's tree lie at body j's place on body i, and the other way round."""
-    real = tree._edge
-
-    def swapped(hold: Any, parent: str) -> Any:
-        e = real(hold, parent)
+def places_swapped(right: Any) -> Any:
+    def edge(hold: Any, parent: str) -> Any:
+        e = right(hold, parent)
         return replace(e, u_parent=e.u_body, u_body=e.u_parent)
 
-    patch.setattr(tree, "_edge", swapped)
+    return edge
 
 
-def spatial_acceleration(patch: Patch) -> None:
-    """Pinocchio's spatial accelerations for those of points: omega x v is missing."""
-    pin = pinocchio_space.pin
-    patch.setattr(pin, "getFrameClassicalAcceleration", pin.getFrameAcceleration)
-
-
-def both_rates_forgotten(patch: Patch) -> None:
-    """The adapter's rows of a universal joint that closes a loop drift without the term of both rates."""
-    patch.setattr(system, "_product", lambda a, b: system._dots(a[2], b[0]) + system._dots(a[0], b[2]))
-
-
-def third_rotation_elsewhere(patch: Patch) -> None:
-    """The third rotation of a slide's weld is said to be one of the rows of its displacements."""
-    real = motion._maps
-
+def third_elsewhere(right: Any) -> Any:
     def maps(meeting: Any, welded: Any, factor: float) -> Any:
-        return [replace(m, row=2) if m.row == 4 and m.constraint == "P" else m for m in real(meeting, welded, factor)]
+        return [replace(m, row=2) if m.row == 4 and m.constraint == "P" else m for m in right(meeting, welded, factor)]
 
-    patch.setattr(motion, "_maps", maps)
+    return maps
 
 
-ROWS, SOLVED = set(LEVELS[:4]), set(LEVELS[4:])
+EXUDYN, MUJOCO, PINOCCHIO = exudyn_space.ExudynSpace, mujoco_space.MujocoSpace, pinocchio_space.PinocchioSpace
+ALL, ROWS, SOLVED, LATER = set(LEVELS), set(LEVELS[:4]), set(LEVELS[4:]), {"velocity", "acceleration"}
 JACK, SHAFTS = space_scenes.screw_jack, space_scenes.double_hooke
-IN_SCENES: list[tuple[Callable[[Patch], None], str, Callable[[], Any], set[str], set[str]]] = [
-    (axis_reversed, "mujoco", space_scenes.rssr, {"position"}, ROWS),
-    (pitch_for_a_turn, "pinocchio", JACK, {"position"}, ROWS),
-    (slide_left_behind, "mujoco", JACK, {"velocity"}, ROWS | {"position"}),
-    (omega_of_the_body, "mujoco", space_scenes.rssr, {"velocity", "acceleration"}, ROWS | {"position"}),
-    (columns_of_the_body, "pinocchio", space_scenes.rssr, {"jacobian"}, SOLVED | {"residual", "constraint_velocity"}),
-    (bodies_swapped, "mujoco", space_scenes.rssr, {"position"}, ROWS),
-    (spatial_acceleration, "pinocchio", space_scenes.rssr, {"drift", "acceleration"}, set(LEVELS[:3]) | {"velocity"}),
-    (third_rotation_elsewhere, "mujoco", space_scenes.rssp, {"status"}, set(LEVELS)),
-    (both_rates_forgotten, "mujoco", SHAFTS, {"acceleration"}, ROWS | {"position", "velocity"}),
-]
+FAULTS = {
+    "Pinocchio is handed Euler parameters as they are, where it wants the scalar last": Fault(
+        PINOCCHIO, "coordinates", lambda _: lambda self, q: np.array(q, float), "pinocchio", {"residual"}, set()
+    ),
+    "rates of balls by E^T for E": Fault(
+        tree, "body_columns", other_side, "mujoco", {"constraint_velocity"}, {"residual", "jacobian"}
+    ),
+    "p'' without |w|^2 p / 4": Fault(
+        motion, "bends", lambda _: lambda p, w, alpha: motion.rates(p, alpha), "mujoco", {"acceleration"},
+        ALL - {"acceleration"},
+    ),
+    "the weld's rows are taken for the half-angle rows themselves": Fault(
+        motion, "_maps", lambda right: lambda meeting, welded, factor: right(meeting, welded, 2.0 * factor), "mujoco",
+        {"residual", "jacobian"}, SOLVED,
+    ),
+    "f and h of every joint frame change places": Fault(
+        reading, "joint_frame", lambda right: lambda *axes: right(*axes)[:, [2, 1, 0]] * [1.0, -1.0, 1.0], "exudyn",
+        {"residual"}, set(),
+    ),
+    "the rate of a driven angle is left out": Fault(
+        EXUDYN, "law_rates", lambda _: lambda self, t: np.zeros(len(self.lines)), "exudyn",
+        {"constraint_velocity", "velocity"}, {"residual", "jacobian", "position"},
+    ),
+    "drift terms of axes without the term of both rates": Fault(
+        exudyn_space, "product", lambda right: lambda a, b: right((a[0], 0.0 * a[1], a[2]), b), "exudyn", {"drift"},
+        ALL - {"drift", "acceleration"},
+    ),
+    "exudyn's columns of Euler parameters are projected with the wrong sign of e~": Fault(
+        exudyn_space, "common_columns", mirrored, "exudyn", {"jacobian"}, {"residual", "constraint_velocity"}
+    ),
+    "MuJoCo's connect reads body i minus body j": Fault(
+        MUJOCO, "_equality", lambda right: lambda self, name, kind, i, j: right(self, name, kind, j, i), "mujoco",
+        {"residual", "jacobian"}, {"position", "velocity"},
+    ),
+    "MuJoCo's hinges turn left-handed": Fault(
+        mujoco_space, "JOINTS", lambda right: {**right, "revolute": [(mujoco_space.HINGE, [0.0, 0.0, -1.0])]},
+        "mujoco", {"position"}, ROWS,
+    ),
+    "Pinocchio is told metres for a whole turn, where it wants them for a radian": Fault(
+        pinocchio_space.pin, "JointModelHelicalUnaligned", lambda right: lambda axis, h: right(axis, 2.0 * np.pi * h),
+        "pinocchio", {"position"}, ROWS, JACK,
+    ),
+    "the slide of MuJoCo's screw moves half as fast as its hinge says, but stands where it should": Fault(
+        MUJOCO, "_columns", slower_slide, "mujoco", {"velocity"}, ROWS | {"position"}, JACK
+    ),
+    "angular velocities of the ground frame are taken for those in the body's own axes": Fault(
+        motion, "rates", lambda _: lambda p, w: turning.conjugate(turning.rates(turning.conjugate(p), w)), "mujoco",
+        LATER, ROWS | {"position"},
+    ),
+    "Pinocchio's columns of a free body are taken for those of the ground frame": Fault(
+        motion.SpaceRows, "_to_body", lambda _: lambda self, q: np.eye(6 * len(self.numbers.bodies)), "pinocchio",
+        {"jacobian"}, SOLVED | {"residual", "constraint_velocity"},
+    ),
+    "joints of MuJoCo's tree lie at body j's place on body i, and the other way round": Fault(
+        tree, "_edge", places_swapped, "mujoco", {"position"}, ROWS
+    ),
+    "Pinocchio's spatial accelerations stand for those of points: omega x v is missing": Fault(
+        pinocchio_space.pin, "getFrameClassicalAcceleration", lambda _: pinocchio_space.pin.getFrameAcceleration,
+        "pinocchio", {"drift", "acceleration"}, ROWS - {"drift"} | {"velocity"},
+    ),
+    "the adapter's rows of a universal joint that closes a loop drift without the term of both rates": Fault(
+        system, "_product", lambda _: lambda a, b: system._dots(a[2], b[0]) + system._dots(a[0], b[2]), "mujoco",
+        {"acceleration"}, ROWS | {"position", "velocity"}, SHAFTS,
+    ),
+    "the third rotation of a slide's weld is said to be one of the rows of its displacements": Fault(
+        motion, "_maps", third_elsewhere, "mujoco", {"status"}, ALL, space_scenes.rssp
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("plant", "engine", "make", "shows", "sound"), IN_SCENES, ids=lambda x: getattr(x, "__name__", None)
-)
-def test_a_fault_planted_in_one_adapter_shows_at_its_level(
-    plant: Callable[[Patch], None],
-    engine: str,
-    make: Callable[[], Any],
-    shows: set[str],
-    sound: set[str],
-    monkeypatch: Patch,
-) -> None:
-    scene = replace(make(), times=space_scenes.TIMES[:4])
-    assert wrong_at(engine, scene) == set()
-    plant(monkeypatch)
-    places = wrong_at(engine, scene)
-    assert shows <= places or (places == {"status"} and shows == {"position"})  # a loop that closes no more
-    assert not sound & places
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_planted_in_one_adapter_shows_at_its_level(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = FAULTS[name]
+    scene = replace(fault.make(), times=space_scenes.TIMES[:4])
+    assert wrong_at(fault.engine, scene) == set()
+    monkeypatch.setattr(fault.owner, fault.name, fault.wrong(getattr(fault.owner, fault.name)))
+    places = wrong_at(fault.engine, scene)
+    assert fault.shows <= places or (places == {"status"} and fault.shows == {"position"})  # a loop that closes no more
+    assert not fault.sound & places
 
 
-PLANTED: list[tuple[Callable[[Patch], None], str, set[str], set[str]]] = [
-    (scalar_last, "pinocchio", {"residual"}, set()),
-    (transposed, "mujoco", {"constraint_velocity"}, {"residual", "jacobian"}),
-    (without_the_square, "mujoco", {"acceleration"}, set(LEVELS) - {"acceleration"}),
-    (half_of_a_half, "mujoco", {"residual", "jacobian"}, {"position", "velocity", "acceleration"}),
-    (axes_swapped, "exudyn", {"residual"}, set()),
-    (rate_forgotten, "exudyn", {"constraint_velocity", "velocity"}, {"residual", "jacobian", "position"}),
-    (curvature_forgotten, "exudyn", {"drift"}, set(LEVELS) - {"drift", "acceleration"}),
-    (raw_columns, "exudyn", {"jacobian"}, {"residual", "constraint_velocity"}),
-    (connects_crossed, "mujoco", {"residual", "jacobian"}, {"position", "velocity"}),
-]
-
-
-@pytest.mark.parametrize(("plant", "engine", "shows", "sound"), PLANTED, ids=lambda x: getattr(x, "__name__", None))
-def test_a_planted_fault_shows_where_it_is(
-    plant: Callable[[Patch], None], engine: str, shows: set[str], sound: set[str], monkeypatch: Patch
-) -> None:
-    assert wrong_at(engine) == set()
-    plant(monkeypatch)
-    places = wrong_at(engine)
-    assert shows <= places
-    assert not sound & places
-
-
-def test_a_reference_with_joints_the_wrong_way_round_is_blamed_for_them(monkeypatch: Patch) -> None:
+def test_a_reference_with_joints_the_wrong_way_round_is_blamed_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-dot-flipped.toml")
     assert [item for item in check(scene, []).disagreements if item.engine == "refkin"] == []
     monkeypatch.setattr(starts, "_meant", lambda given: given)  # rows with false roots, begun at one of these

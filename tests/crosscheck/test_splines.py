@@ -11,12 +11,12 @@ from scipy.interpolate import CubicSpline
 
 import refkin
 from crosscheck.engines.closed_form.laws import BallSpline as ClosedForm
-from refkin import FourBar, Status, Table
+from refkin import Status, Table
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.exact import continued, exact
 from tests.claims import U, assert_near
+from tests.linkages import ROCKER
 
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 ARGUMENT = (-0.4, 0.3, 1.1, 1.6, 2.5)
 VALUE = (0.9, 1.4, 1.1, 2.3, 2.0)
 

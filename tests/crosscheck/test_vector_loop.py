@@ -20,6 +20,7 @@ from refkin.joints import GROUND, AngleDriver, Prismatic
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from tests.linkages import remade, without_estimates
 
 from .exact_linkages import CASES, four_bar, pin, slider_crank
 from .loop_scenes import DRIVES, TOUCHING, general_cam, rapier
@@ -139,13 +140,8 @@ def test_a_driven_crank_is_no_unknown_and_a_four_bar_is_one_loop():
     assert Reading(CASES["welded arm"]().scene).system.n == 0
 
 
-def without_estimate(scene, name):
-    bodies = tuple(replace(b, estimate=None) if b.name == name else b for b in scene.mechanism.bodies)
-    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
-
-
 def with_joint(scene, joint):
-    return replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, joint)))
+    return remade(scene, joints=(*scene.mechanism.joints, joint))
 
 
 def floating():
@@ -162,7 +158,7 @@ def floating():
 
 REFUSED = {
     "the angle of coupler has no estimate": (
-        lambda: without_estimate(four_bar().scene, "coupler"),
+        lambda: without_estimates(four_bar().scene, "crank", "rocker"),
         "no body has an estimate of the angle of coupler",
     ),
     "a redundant pin": (

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from flint import arb, ctx
 
 from refkin import FourBar, InvertedSliderCrank, Polynomial, Scene, Sinusoid, SliderCrank, Status
+from tests.linkages import remade, with_law
 
 BITS = 300
 Truth = Callable[[float], dict[str, Any] | None]
@@ -158,11 +159,6 @@ def change_points() -> list[Case]:
     return cases
 
 
-def with_law(scene: Scene, law: Any) -> Scene:
-    driver = replace(scene.mechanism.drivers[0], law=law)
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
-
-
 def flat_poses() -> list[Case]:
     """Parallelograms, antiparallelograms and kites: regular poses, and coarse motions that come to their flat pose."""
     cases = []
@@ -256,7 +252,7 @@ def gaps() -> list[Case]:
 
 def missing(scene: Scene, linkage: FourBar) -> Scene:
     """The scene with the joints of links that do not reach."""
-    return replace(scene, mechanism=replace(scene.mechanism, joints=linkage.joints()))
+    return remade(scene, joints=linkage.joints())
 
 
 def singular() -> list[Case]:

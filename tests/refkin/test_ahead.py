@@ -19,8 +19,8 @@ from refkin.scenes.linkages.base import Branch
 from refkin.solving.ahead import SAME, Ahead, Leaps
 from refkin.solving.steps import neville
 from refkin.solving.sweep import Arrival, Sweep
+from tests.linkages import PARALLELOGRAM, ROCKER, remade, system_of
 
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMIT = math.acos((16.0 + 9.0 - 25.0) / 24.0)  # a crank of 3 on a ground of 4, coupler and rocker 5 in line
 TIMES = tuple(np.linspace(0.0, 1.0, 30))
 
@@ -32,7 +32,7 @@ def turning(scale, start=0.3):
 def twice(scene):
     """A scene with its first joint twice."""
     m = scene.mechanism
-    return replace(scene, mechanism=replace(m, joints=(*m.joints, replace(m.joints[0], name="again"))))
+    return remade(scene, joints=(*m.joints, replace(m.joints[0], name="again")))
 
 
 SCENES = {
@@ -100,7 +100,7 @@ def test_a_pose_of_the_other_branch_is_taken_by_no_step(monkeypatch, place):
     right, wrong = (
         refkin.solve(ROCKER.scene(branch=branch, law=turning(2 * math.pi), times=TIMES)) for branch in Branch
     )
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
 
     def swapped(self, q, t):
         q = closed(self, q, t)
@@ -143,7 +143,6 @@ def test_what_is_lost_with_poses_ahead_is_found_without_them(monkeypatch):
     assert set(refkin.solve(replace(SCENES["a slider"], evidence=frozenset())).status) == {Status.OK}
 
 
-PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
 UNEVEN = np.append(0.0, np.cumsum(np.random.default_rng(5).choice([0.01, 0.1, 0.3, 0.7, 1.1], 40)))
 NEARER = np.cumprod(np.random.default_rng(5).choice([0.3, 0.8, 0.98], 30))
 STRIDES = {
@@ -170,7 +169,7 @@ def test_a_step_is_sure_at_once_where_a_step_alone_is_taken(monkeypatch, name, l
     for module in ("ahead", "steps"):
         monkeypatch.setattr(f"refkin.solving.{module}.neville", shifted)
     scene = linkage.scene(law=turning(1.0, 0.0), times=(float(times[0]),))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     alone = Sweep(system, [times[0]], [system.to_unit(refkin.solve(scene).q[:, 0])])
     ahead = Ahead(alone, times[1:], times[:0])
     times = ahead.t

@@ -31,18 +31,14 @@ from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
 from refkin.proof.assembly.search import Search, coordinates
+from tests.linkages import remade, with_law, without_estimates
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
 
-def without_estimates(name):
-    m = scene(name).mechanism
-    return replace(scene(name), mechanism=Mechanism(tuple(Body(name=b.name) for b in m.bodies), m.joints, m.drivers))
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_an_assembly_is_found_without_estimates(name):
-    assert refkin.solve(replace(without_estimates(name), times=(0.0,))).verdict == "ok"
+    assert refkin.solve(replace(without_estimates(scene(name)), times=(0.0,))).verdict == "ok"
 
 
 CLOSED_FORM = [
@@ -79,7 +75,7 @@ def test_a_far_estimate_leads_to_the_nearest_assembly(estimate, side):
     """The lever may lie above the disc or below it."""
     bodies = Body(name="cam", estimate=(0.0, 0.0, 0.0)), Body(name="follower", estimate=(3.0, 0.0, estimate))
     given = replace(scene("tip on disc"), times=(0.0,))
-    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, bodies=bodies)))
+    motion = refkin.solve(remade(given, bodies=bodies))
 
     assert np.sign(np.sin(motion["follower"].phi[0])) == side
 
@@ -90,7 +86,7 @@ def test_a_contact_estimate_chooses_among_contacts(contact, side, estimates):
     """A plate may have the highest point of the profile in its face, or the lowest."""
     given = over_profile(LOBES, "flat", times=(0.0,), estimates=estimates)
     joints = tuple(replace(j, contact_estimate=contact) if isinstance(j, Cam) else j for j in given.mechanism.joints)
-    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, joints=joints)))
+    motion = refkin.solve(remade(given, joints=joints))
 
     assert side * motion["follower"].y[0] > 0.9
 
@@ -105,7 +101,7 @@ def test_a_contact_is_first_sought_where_what_is_missed_is_small_not_where_it_is
 def test_a_lever_that_is_too_short_for_the_disc_is_proved_not_to_assemble():
     m = scene("tip on disc").mechanism
     joints = tuple(replace(j, point_j=(0.5, 0.0)) if isinstance(j, Cam) else j for j in m.joints)
-    motion = refkin.solve(replace(scene("tip on disc"), mechanism=replace(m, joints=joints), times=(0.0,)))
+    motion = refkin.solve(remade(scene("tip on disc"), joints=joints, times=(0.0,)))
 
     assert motion.verdict == "unassemblable"
 
@@ -114,7 +110,7 @@ def test_an_offset_out_of_reach_is_proved_not_to_assemble():
     m = scene("shifted rocker").mechanism
     far = (Polynomial(coefficients=(4.0,)), Polynomial(coefficients=(0.0,)))
     joints = tuple(replace(j, offset_law=far) if getattr(j, "offset_law", None) else j for j in m.joints)
-    motion = refkin.solve(replace(scene("shifted rocker"), mechanism=replace(m, joints=joints), times=(0.0,)))
+    motion = refkin.solve(remade(scene("shifted rocker"), joints=joints, times=(0.0,)))
 
     assert motion.verdict == "unassemblable"
 
@@ -123,7 +119,7 @@ def two_trains(ratio):
     """A second pair of wheels between the first and the ring: redundant, or in contradiction."""
     m = scene("gear train").mechanism
     extra = Gear(name="g3", body_i="first", radius_i=ratio, phi0_i=0.125, body_j="ring", radius_j=2.0, phi0_j=-0.09375)
-    return replace(scene("gear train"), mechanism=replace(m, joints=(*m.joints, extra)))
+    return remade(scene("gear train"), joints=(*m.joints, extra))
 
 
 def test_gears_that_contradict_each_other_are_proved_not_to_assemble():
@@ -139,10 +135,7 @@ def test_gears_that_repeat_each_other_are_redundant():
 
 def test_a_gear_of_many_turns_keeps_them():
     law = Polynomial(coefficients=(1e4, 1.0))
-    m = scene("gear train").mechanism
-    motion = refkin.solve(
-        replace(without_estimates("gear train"), mechanism=replace(m, drivers=(turning("first", law),)))
-    )
+    motion = refkin.solve(with_law(scene("gear train"), law))
 
     assert motion.verdict == "ok"
     assert motion["second"].phi[0] == pytest.approx(0.25 - (1e4 - 0.125) / 1.5, rel=1e-15, abs=0.0)
@@ -152,7 +145,7 @@ def test_a_wheel_that_a_rack_drives_needs_no_turns_of_its_estimate():
     """The rack counts the wheel's turns: an estimate a turn off changes nothing of the answer."""
     m = scene("rack below").mechanism
     bodies = tuple(replace(b, estimate=(*b.estimate[:2], b.estimate[2] + math.tau)) for b in m.bodies)
-    motion = refkin.solve(replace(scene("rack below"), mechanism=replace(m, bodies=bodies)))
+    motion = refkin.solve(remade(scene("rack below"), bodies=bodies))
 
     assert motion["wheel"].phi == pytest.approx(refkin.solve(scene("rack below"))["wheel"].phi, abs=1e-14)
 
@@ -191,8 +184,8 @@ def test_newton_finds_the_contact_too():
 def test_a_wheel_that_a_rack_has_turned_far_is_found_where_it_is():
     """No driver gives the wheel's angle, but the rack counts its turns: 7.5 along a radius of 0.75."""
     far = XDriver(name="push", body="rack", law=Polynomial(coefficients=(7.5,)))
-    given = without_estimates("rack below")
-    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, drivers=(far,)), times=(0.0,)))
+    given = without_estimates(scene("rack below"))
+    motion = refkin.solve(remade(given, drivers=(far,), times=(0.0,)))
 
     assert motion.verdict == "ok"
     assert motion["wheel"].phi[0] == pytest.approx(10.0, rel=1e-15, abs=0.0)
@@ -220,7 +213,7 @@ def test_a_small_roller_is_found_though_its_rows_are_divided_by_its_radius(rho):
     """Half a degree of the profile is many radii long, and a rounding of the pose a large residual."""
     given = scene("roller over lobes")
     joints = tuple(replace(j, roller_radius=rho) if isinstance(j, Cam) else j for j in given.mechanism.joints)
-    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, joints=joints)))
+    motion = refkin.solve(remade(given, joints=joints))
 
     assert motion.verdict == "ok"
 
@@ -230,9 +223,8 @@ def test_a_sweep_that_runs_out_of_steps_from_an_asked_time_says_so_and_claims_no
     times, gone, monkeypatch
 ):
     monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 200)
-    m = scene("gear train").mechanism
     fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
-    motion = refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=times))
+    motion = refkin.solve(remade(scene("gear train"), drivers=(fast,), times=times))
 
     assert [s.value for s in motion.status] == ["ok"] * (len(times) - gone) + ["not_converged"] * gone
     assert ("gave up" in motion.message) == bool(gone)

@@ -33,14 +33,11 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import balanced, cone
+from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, posed, remade, system_of
 from tests.refkin.assembly_cases import cylinder, pin
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
-CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
-PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-KITE = FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0)
 
 
 def at(linkage, angle, **more):
@@ -57,7 +54,7 @@ def with_wheel(scene):
     m = scene.mechanism
     wheel = Body(name="wheel", estimate=(9.0, 0.0, 0.3))
     joints = (*m.joints, pin("axle", GROUND, (9.0, 0.0), "wheel", (0.0, 0.0)))
-    return replace(scene, mechanism=replace(m, bodies=(*m.bodies, wheel), joints=joints))
+    return remade(scene, bodies=(*m.bodies, wheel), joints=joints)
 
 
 def links(base, long):
@@ -101,7 +98,7 @@ def held_by_height():
     """A slider-crank driven by the height of its slider, which its guide holds already."""
     scene = at(SliderCrank(0.25, 0.5), 0.4)
     driver = YDriver(name="height", body="slider", law=Polynomial(coefficients=(0.0,)))
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+    return remade(scene, drivers=(driver,))
 
 
 def limit():
@@ -228,7 +225,7 @@ def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
         replace(b, estimate=(*b.estimate[:2], phi))
         for b, phi in zip(scene.mechanism.bodies, (0.0, math.pi), strict=True)
     )
-    diagnosis = refkin.diagnose(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+    diagnosis = refkin.diagnose(remade(scene, bodies=bodies))
 
     assert diagnosis.kind is PoseKind.STRUCTURE
     assert "shaky" in diagnosis.message
@@ -344,7 +341,7 @@ def test_a_motion_in_a_far_frame_is_followed_with_the_same_rates(far):
 def test_changes_of_coordinates_and_of_moved_frames_go_together():
     """Against complex steps, both ways."""
     scene = moved_frame(at(LIMITED, 0.5), "coupler", (8.0, -16.0))
-    frames = recentred(compile_system(scene.mechanism, unit=scene.mechanism.unit()))
+    frames = recentred(system_of(scene))
     q, rate = np.linspace(-1.0, 2.0, 9), np.linspace(1.0, -3.0, 9) ** 3
     h = 1e-6
     inner = (frames.inward(q + h * rate) - frames.inward(q - h * rate)) / (2 * h)
@@ -457,8 +454,7 @@ def test_forms_have_no_common_root_where_least_squares_satisfy_but_one_of_them()
 
 def test_a_driver_of_another_coordinate_takes_the_row_of_one_that_is_there():
     scene = at(LIMITED, 0.5)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    system, q = posed(scene)
     other = balanced(system, q, 0.0, np.arange(system.m)).with_row(8, 5)
 
     assert np.flatnonzero(other.matrix[8]).tolist() == [5]

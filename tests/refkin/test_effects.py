@@ -13,8 +13,8 @@ import refkin
 from refkin import Effect, Evidence, FourBar, Point, Polynomial, Sinusoid, Status
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.proof.pose import isolate as isolating
+from tests.linkages import ROCKER
 
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 STEADY = Polynomial(coefficients=(0.0, 2.0))
 SCENE = ROCKER.scene(law=STEADY, times=tuple(np.linspace(0.0, 0.4, 11)))
 STATIC = ROCKER.scene(law=Polynomial(coefficients=(0.7,)), times=(0.0, 1.0, 2.0))

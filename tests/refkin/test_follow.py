@@ -35,15 +35,21 @@ from refkin.proof.path.tracing import BEND, CLOSE, FIRST_STEP, INSIDE, STANDING,
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, _is_driven_angle, driven_by, straight_on
 from refkin.solving.table_ends import continued
+from tests.linkages import (
+    CHANGE_POINT,
+    KITE,
+    LIMITED,
+    PARALLELOGRAM,
+    ROCKER,
+    copied,
+    posed,
+    remade,
+    with_law,
+)
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
 
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
-PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-KITE = FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0)
 PULLED = SliderCrank(crank=0.25, rod=0.5)
 
 
@@ -87,7 +93,7 @@ def test_a_path_begins_at_the_limit_itself_where_that_is_zero():
     """Least squares over a pin that is there twice leave 1e-32 s, which lay outside of the limits."""
     scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(0.0, 1.0))
     again = (*scene.mechanism.joints, replace(scene.mechanism.joints[0], name="again"))
-    path = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, joints=again)), until=(0.0, 1.0))
+    path = refkin.follow(remade(scene, joints=again), until=(0.0, 1.0))
 
     assert (path.t[0], path.t[-1]) == (0.0, 1.0)
 
@@ -302,16 +308,7 @@ def test_near_a_change_point_the_path_stays_on_its_curve(slack):
 
 def two(one, other, angle=0.5):
     """A scene of two four-bars on one crank, whose time is its angle."""
-    first, second = driven(one, angle), driven(other, angle).mechanism
-    again = {b.name: f"{b.name} 2" for b in second.bodies[1:]}
-    bodies = [replace(b, name=again[b.name]) for b in second.bodies[1:]]
-    joints = [
-        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
-        for j in second.joints
-        if {j.body_i, j.body_j} & set(again)
-    ]
-    m = first.mechanism
-    return replace(first, mechanism=replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints)))
+    return copied(driven(one, angle), ("coupler", "rocker"), driven(other, angle))
 
 
 @pytest.mark.parametrize("other", [CHANGE_POINT, replace(PARALLELOGRAM, ground=4.0, coupler=4.0)])
@@ -376,15 +373,7 @@ def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_curve
 def test_long_steps_of_a_linkage_with_redundant_rows_stay_on_its_curve(slack):
     """A second coupler on the same pins: which rows are independent is asked anew on the way."""
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
-    m = driven(linkage).mechanism
-    pins = [j for j in m.joints if "coupler" in (j.body_i, j.body_j)]
-    again = {"coupler": "twin"}
-    joints = [
-        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
-        for j in pins
-    ]
-    twin = [replace(b, name="twin") for b in m.bodies if b.name == "coupler"]
-    scene = replace(driven(linkage), mechanism=replace(m, bodies=(*m.bodies, *twin), joints=(*m.joints, *joints)))
+    scene = copied(driven(linkage), ("coupler",))
     path = refkin.follow(scene, until=(0.0, 6.0), max_step=0.5)
     alone = refkin.follow(driven(linkage), until=(0.0, 6.0), max_step=0.5)
 
@@ -574,8 +563,7 @@ def test_an_argument_that_makes_no_sense_is_named_with_its_value(name, value):
 
 def test_without_a_first_pose_there_is_no_path():
     scene = LIMITED.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.5,))
-    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(2.5,)))
-    path = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
+    path = refkin.follow(with_law(scene, Polynomial(coefficients=(2.5,))))
 
     assert path.end is TraceEnd.NO_START
     assert path.t.size == 0
@@ -602,10 +590,8 @@ def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
 @pytest.mark.parametrize("angle", [0.5, 1.5, 2.5, 4.0, 5.0])
 def test_a_point_is_a_pose_in_other_units_and_no_step_from_it_however_long_leads_to_the_other_branch(angle):
     """Of a crank-rocker, where a determinant tells the branches apart all along them."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    scene = linkage.scene(law=Polynomial(coefficients=(angle - 2.0, 4.0)), times=(0.5,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    scene = ROCKER.scene(law=Polynomial(coefficients=(angle - 2.0, 4.0)), times=(0.5,))
+    system, q = posed(scene)
     curve = Curve.through(system, q, scene.times)
     x = curve.point(q, 0.5)
     assert curve.pose(x)[1] == 0.5
@@ -653,7 +639,7 @@ def test_a_path_along_which_t_stands_still_does_not_turn(order):
     folded = np.concatenate([[[0.5, 0.0, 0.0]], 2 * [[1.0 + np.cos(a), np.sin(a), a]]])[order].ravel()
     around = Tangent(np.concatenate([np.zeros((1, 3)), [along, along]])[order].ravel(), 0.0)
     scene = driven(kite, 0.0)
-    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=scene.mechanism.bodies[order]))
+    scene = remade(scene, bodies=scene.mechanism.bodies[order])
     path = refkin.follow(scene, (folded, 0.0), along=around, choose=straight_on)
 
     assert path.end is TraceEnd.CLOSED
@@ -735,7 +721,7 @@ def test_a_path_whose_drivers_leave_float64_is_refused():
     law = Polynomial(coefficients=(0.3, 0.0, 1e308))
 
     with pytest.raises(refkin.InvalidRequest, match="rates"):
-        refkin.follow(FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=law, times=(0.0, 0.5)))
+        refkin.follow(ROCKER.scene(law=law, times=(0.0, 0.5)))
 
 
 KNOWN = Table(argument=(0.0, 0.5, 1.0, 2.0), value=(0.3, 0.6, 0.7, 1.1))
@@ -745,7 +731,7 @@ def by_table(linkage, of_rate):
     scene = linkage.scene(law=KNOWN, times=(0.25,))
     (driver,) = scene.mechanism.drivers
     own = replace(driver, law=None, rate_law=KNOWN, initial=0.3) if of_rate else driver
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(own,)))
+    return remade(scene, drivers=(own,))
 
 
 @pytest.mark.parametrize("until", [None, (-3.0, 3.0)])

@@ -25,6 +25,7 @@ from refkin import (
 )
 from refkin.proof.path.curve import Crossing, common_roots
 from refkin.proof.path.tracing import TraceEnd
+from tests.linkages import remade
 from tests.refkin.test_mobility import parallelogram
 
 
@@ -76,7 +77,7 @@ def test_a_parallelogram_beside_another_that_is_none_keeps_its_own_change_point(
     """The second one's links miss being equal by so much that its curves pass by each other."""
     scene = stacked((3.0, 2.0))
     joints = tuple(replace(j, point_i=(2.0 - off, 0.0)) if j.name == "B 2" else j for j in scene.mechanism.joints)
-    (change,) = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, joints=joints))).events
+    (change,) = refkin.follow(remade(scene, joints=joints)).events
 
     assert len(change.tangents) == 2
 
@@ -138,9 +139,7 @@ def test_two_changes_within_a_step_are_met_although_no_sign_changes():
     law = Polynomial(coefficients=(length(-0.5), length(0.0) - length(-0.5)))
     ends = {"body_i": "bar 0", "point_i": (0.0, 1.0), "body_j": "bar 2", "point_j": (1.0, 0.0)}
     driver = refkin.DistanceDriver(name="span", **ends, law=law)
-    (change,) = refkin.follow(
-        replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.0, 2.0))
-    ).bifurcations
+    (change,) = refkin.follow(remade(scene, drivers=(driver,), times=(0.0, 2.0))).bifurcations
 
     assert change.t == pytest.approx(1.0, abs=1e-12)
     assert len(change.tangents) == 4

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
+from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, fast
 from refkin.joints import Constraint, Distance, Prismatic
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
@@ -23,10 +23,10 @@ from refkin.proof.pose import krawczyk
 from refkin.solving import ahead, passages
 from refkin.solving.sweep import Sweep
 from refkin.vec import cosine_and_sine
+from tests.linkages import ROCKER, remade, system_of, with_law, without_estimates
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
-ROCKER = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 
 def scene(name, **changes):
@@ -81,11 +81,8 @@ def test_what_is_hidden_next_to_one_of_many_times_is_not_leapt_over(times, done)
         argument=(-1.0, -0.5, *driver.law.argument, 1.5, 2.0), value=(*[flat] * 2, *driver.law.value, flat, flat)
     )
     law = table if times[0] < 0.0 else driver.law
-    mechanism = replace(hidden.mechanism, drivers=(replace(driver, law=law),))
 
-    assert statuses(refkin.solve(replace(hidden, mechanism=mechanism, times=times))) == "o" * done + "." * (
-        len(times) - done
-    )
+    assert statuses(refkin.solve(replace(with_law(hidden, law), times=times))) == "o" * done + "." * (len(times) - done)
 
 
 @pytest.mark.parametrize(("hidden", "left"), [([], 4), ([math.pi], 1)])
@@ -95,7 +92,7 @@ def test_poses_are_found_at_once_up_to_what_is_hidden_next_to_a_time(hidden, lef
     still = ROCKER.scene(law=law, times=(0.1, 1.0, math.pi, 4.0, 5.0))
     asked = []
     monkeypatch.setattr(ahead, "turning_points", lambda system, a, b: asked.append((a, b)) or ([], hidden))
-    sweep = Sweep(compile_system(still.mechanism, unit=still.mechanism.unit()), [0.1], [np.zeros(9)])
+    sweep = Sweep(system_of(still), [0.1], [np.zeros(9)])
 
     assert ahead._targets(sweep, still.times[1:])[0].tolist() == [*still.times[1:][:left]]
     assert set(asked) <= {(1.0, math.pi), (math.pi, 4.0)}
@@ -111,10 +108,7 @@ def test_a_four_bar_that_just_cannot_turn_is_never_driven_over_its_gap():
         ((low, high),) = linkage.input_range()
         start, turned = rng.uniform(low + 0.3, high - 0.3), math.copysign(rng.uniform(4.0, 6.2), rng.uniform(-1, 1))
         still = linkage.scene(law=Polynomial(coefficients=(start,)), times=np.linspace(0, 1, rng.integers(4, 31)))
-        driver = replace(still.mechanism.drivers[0], law=Polynomial(coefficients=(start, turned)))
-        motion = refkin.solve(
-            replace(still, mechanism=replace(still.mechanism, drivers=(driver,)), evidence=frozenset())
-        )
+        motion = refkin.solve(remade(with_law(still, Polynomial(coefficients=(start, turned))), evidence=frozenset()))
         passed = ~((low < start + turned * motion.t) & (start + turned * motion.t < high))
 
         assert OK not in np.array(motion.status)[np.argmax(passed) :] if passed.any() else motion.verdict is OK
@@ -213,7 +207,7 @@ def test_whole_turns_in_space_are_no_short_step(turns):
     whole = scene("space-whole-turns-between-times.toml", evidence=frozenset())
     (driver,) = whole.mechanism.drivers
     law = replace(driver.law, coefficients=(driver.law.coefficients[0], 2.0 * np.pi * turns / 5.0))
-    turned = replace(whole, mechanism=replace(whole.mechanism, drivers=(replace(driver, law=law),)))
+    turned = with_law(whole, law)
     often = replace(turned, times=tuple(np.linspace(0.0, 5.0 * 10, 11)))  # steps of a batch are tested by themselves
 
     assert refkin.solve(turned).status == fast.sweep(turned).status == (OK, LOST)
@@ -226,8 +220,7 @@ def test_the_fast_sweep_goes_over_no_cylinder_of_length_zero_in_space():
 
 def test_a_distance_of_space_reaches_as_far_as_its_law_is_large_whatever_its_sign():
     lever = scene("space-distance-through-zero.toml")
-    driver = replace(lever.mechanism.drivers[0], law=Polynomial(coefficients=(-0.5,)))
-    motion = refkin.solve(replace(lever, mechanism=replace(lever.mechanism, drivers=(driver,))))
+    motion = refkin.solve(with_law(lever, Polynomial(coefficients=(-0.5,))))
 
     assert motion.status == (OK, OK)
 
@@ -235,8 +228,7 @@ def test_a_distance_of_space_reaches_as_far_as_its_law_is_large_whatever_its_sig
 def test_a_law_that_turns_back_often_before_the_first_of_many_times_is_gone_along():
     pulse = scene("fast-table-pulse.toml")
     swing = Sinusoid(amplitude=0.01, angular_frequency=700.0, offset=1.4559, phase=0.0)
-    mechanism = replace(pulse.mechanism, drivers=(replace(pulse.mechanism.drivers[0], law=swing),))
-    motion = refkin.solve(replace(pulse, mechanism=mechanism, times=(0.0, *np.linspace(0.9, 1.0, 9))))
+    motion = refkin.solve(replace(with_law(pulse, swing), times=(0.0, *np.linspace(0.9, 1.0, 9))))
 
     assert set(motion.status) == {OK}
 
@@ -278,7 +270,7 @@ def short_of_its_limit(by, *more):
     touching = scene("fast-limit-touched-by-another-loop.toml")
     gear = next(j for j in touching.mechanism.joints if j.type == "gear")
     joints = [replace(j, phi0_j=j.phi0_j - by) if j is gear else j for j in touching.mechanism.joints]
-    return replace(touching, mechanism=replace(touching.mechanism, joints=(*joints, *more)), evidence=frozenset())
+    return remade(touching, joints=(*joints, *more), evidence=frozenset())
 
 
 @pytest.mark.parametrize("redundant", [False, True], ids=["rows as many as coordinates", "a pin that is there twice"])
@@ -299,7 +291,7 @@ def test_what_another_loop_moves_near_its_limit_and_back_is_doubted_however_fast
     (driver,) = clear.mechanism.drivers
     start, rate = driver.law.coefficients
     law = replace(driver.law, coefficients=(start, rate * speed))
-    system = compile_system(replace(clear.mechanism, drivers=(replace(driver, law=law),)), unit=clear.mechanism.unit())
+    system = system_of(with_law(clear, law))
 
     # The second step leaves the limit, and in the third another loop's determinant falls as steeply as to zero.
     assert np.flatnonzero(dips(system, motion.t / speed, system.to_unit(motion.q))).tolist() == [0, 1, 2]
@@ -312,8 +304,7 @@ def test_a_table_that_begins_and_ends_with_a_step_hides_no_loop_that_is_moved_to
     (driver,) = clear.mechanism.drivers
     knots = np.linspace(*motion.t[:2], 5)
     table = Table(argument=tuple(knots.tolist()), value=tuple(driver.law(knots).tolist()))
-    mechanism = replace(clear.mechanism, drivers=(replace(driver, law=table),))
-    system = compile_system(mechanism, unit=mechanism.unit())
+    system = system_of(with_law(replace(clear, times=tuple(motion.t[:2])), table))
 
     assert dips(system, motion.t[:2], system.to_unit(motion.q[:, :2])).tolist() == [True]
 
@@ -322,8 +313,7 @@ def test_what_turns_back_between_times_and_reaches_no_limit_is_answered():
     within = scene("laws-turn-back-together.toml")
     one, two = within.mechanism.drivers
     less = replace(two, law=replace(two.law, coefficients=(two.law.coefficients[0] - 0.3, two.law.coefficients[1])))
-    bodies = tuple(replace(body, estimate=None) for body in within.mechanism.bodies)
-    within = replace(within, mechanism=Mechanism(bodies, within.mechanism.joints, (one, less)))
+    within = remade(without_estimates(within), drivers=(one, less))
 
     assert refkin.solve(within).verdict is fast.attempt(within).verdict is OK
 
@@ -333,7 +323,7 @@ def test_a_law_that_turns_just_before_the_flat_pose_is_not_lost():
     (driver,) = touched.mechanism.drivers
     first, *rest = driver.law.coefficients
     before = replace(driver, law=replace(driver.law, coefficients=(first + 1e-9, *rest)))
-    motion = refkin.solve(replace(touched, mechanism=replace(touched.mechanism, drivers=(before,))))
+    motion = refkin.solve(remade(touched, drivers=(before,)))
 
     assert motion.verdict is OK
 
@@ -350,8 +340,7 @@ def test_where_a_law_turns_back_and_t_has_no_digits_left_the_branch_is_not_blame
     t = (2.308e-4, 2.236e-4, 3.707e-4, 5.307e-4, 9.414e-4, 9.344e-4)
     first, *argument, last = (1e9 + after for after in t)
     law = Table(argument=tuple(argument), value=(-3.0225165, -2.8989689, -2.5734628, -2.7694688))
-    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    motion = refkin.solve(rocker.scene(law=law, times=(first, last)))
+    motion = refkin.solve(ROCKER.scene(law=law, times=(first, last)))
 
     assert motion.status == (OK, refkin.Status.NOT_CONVERGED)
     assert "t has no more digits" in motion.message
@@ -360,8 +349,7 @@ def test_where_a_law_turns_back_and_t_has_no_digits_left_the_branch_is_not_blame
 @pytest.mark.parametrize("law", [(0.3, 1e16), (2e17, -1e17, 0.5)])
 @pytest.mark.parametrize("evidence", [frozenset(), frozenset(refkin.Evidence)], ids=["unproved", "proved"])
 def test_an_angle_without_digits_is_no_answer_and_no_singular_pose(law, evidence):
-    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    far = replace(rocker.scene(law=Polynomial(coefficients=law), times=(1.0,)), evidence=evidence)
+    far = replace(ROCKER.scene(law=Polynomial(coefficients=law), times=(1.0,)), evidence=evidence)
 
     assert refkin.solve(far).verdict is refkin.Status.NOT_CONVERGED
     assert fast.attempt(far) is None
@@ -539,7 +527,7 @@ def test_a_joint_of_ones_own_is_not_taken_to_say_the_same_in_every_turn(solver):
 
 def test_what_a_scene_calls_for_may_be_a_set_or_a_list():
     """A set ended in a TypeError of hashes, deep in the certificate."""
-    four = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+    four = ROCKER.scene(samples=3)
     for kind in (set, list):
         asked = replace(four, effects=kind(four.effects), evidence=kind(four.evidence))
         assert (asked, refkin.solve(asked).verdict) == (four, OK)
@@ -681,10 +669,8 @@ def test_what_a_law_does_between_two_floats_is_not_called_ok(of, solver):
 def test_a_pose_that_is_half_of_all_numbers_away_ends_in_a_status(solver):
     """The mean of two such poses was none."""
     sliding = refkin.load(CORPUS.parents[1] / "examples" / "slider-crank.toml")
-    (motor,) = sliding.mechanism.drivers
-    far = replace(motor, law=Polynomial(coefficients=(1e308, 1.0)))
 
-    assert solver(replace(sliding, mechanism=replace(sliding.mechanism, drivers=(far,)))).verdict is not OK
+    assert solver(with_law(sliding, Polynomial(coefficients=(1e308, 1.0)))).verdict is not OK
 
 
 def test_a_long_step_over_a_cam_is_proved_by_way_of_the_poses_that_led_there(monkeypatch):
@@ -754,7 +740,7 @@ def test_branches_that_never_cross_are_no_bifurcation_at_any_turn(turns):
     start = scene("follow-false-bifurcation.toml")
     (driver,) = start.mechanism.drivers
     turned = replace(driver, law=Polynomial(coefficients=(3.0 + 2 * np.pi * turns, 1.0)))
-    before = replace(start, mechanism=replace(start.mechanism, drivers=(turned,)))
+    before = remade(start, drivers=(turned,))
     path = refkin.follow(before, until=(-0.1, 0.5))
 
     assert not path.bifurcations
@@ -811,7 +797,7 @@ def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_
     given = refkin.FourBar(3.0, 1.0, 3.0, 1.0).scene(law=Polynomial(coefficients=(angle,)), times=(0.0,))
     half_way = {"crank": angle, "coupler": -angle / 2, "rocker": -angle / 2}
     bodies = tuple(replace(b, estimate=(*b.estimate[:2], half_way[b.name])) for b in given.mechanism.bodies)
-    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, bodies=bodies)))
+    motion = refkin.solve(remade(given, bodies=bodies))
 
     assert motion.verdict is OK
     assert min(abs(motion["rocker"].phi[0] - x) for x in (angle, -2 * angle)) < 1e-15

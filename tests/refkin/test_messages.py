@@ -16,6 +16,7 @@ import pytest
 import refkin
 from refkin import AngleDriver, Body, Distance, FourBar, Mechanism, Polynomial, Scene, Sinusoid, XDriver, YDriver
 from refkin.proof.assembly.search import Assemblies
+from tests.linkages import ROCKER, remade, with_law
 from tests.refkin.test_hostile_scenes import peaucellier
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +24,6 @@ CORPUS = ROOT / "tests" / "corpus"
 SPEAKING = ("solving/sweep", "solving/solve", "solving/starts", "proof/pose/choices")
 LONG = 12
 """Characters from which a text is a sentence."""
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 
 def scene(name, **changes):
@@ -33,8 +33,7 @@ def scene(name, **changes):
 def moved(name, law, **changes):
     """A scene of the corpus with another law for its only driver."""
     given = scene(name, **changes)
-    (driver,) = given.mechanism.drivers
-    return replace(given, mechanism=replace(given.mechanism, drivers=(replace(driver, law=law),)))
+    return with_law(given, law)
 
 
 def shaken(frequency):
@@ -54,7 +53,7 @@ def estimated(**estimates):
     """A four-bar with estimates of its own; None is none."""
     given = ROCKER.scene(law=Polynomial(coefficients=(0.5,)), times=(0.0,))
     bodies = tuple(replace(b, estimate=estimates.get(b.name, b.estimate)) for b in given.mechanism.bodies)
-    return replace(given, mechanism=replace(given.mechanism, bodies=bodies))
+    return remade(given, bodies=bodies)
 
 
 def held(*lengths):

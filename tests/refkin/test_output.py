@@ -25,6 +25,7 @@ from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
 from refkin.scenes.linkages import RSSP, Hooke
 from refkin.solving.follow import driven_by
+from tests.linkages import remade
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -61,9 +62,7 @@ def test_a_distance_is_drawn_as_a_link_from_point_to_point(scene):
     pivots = tuple(joint for joint in scene.mechanism.joints if "coupler" not in (joint.body_i, joint.body_j))
     ends = {"body_i": "crank", "point_i": (0.5, 0.0), "body_j": "rocker", "point_j": (1.5, 0.0)}
     joints = (*pivots, refkin.Distance(name="rod", **ends, length=3.5))
-    scene = replace(
-        scene, mechanism=replace(scene.mechanism, bodies=bodies, joints=joints), times=scene.times[1:], points=()
-    )
+    scene = remade(scene, bodies=bodies, joints=joints, times=scene.times[1:], points=())
     parts = {part.name: part for part in Drawing(scene, refkin.solve(scene)).parts}
     for k in range(8):
         crank, rod, rocker = (

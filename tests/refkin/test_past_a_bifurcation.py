@@ -10,8 +10,7 @@ import pytest
 import refkin
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-
-PARALLELOGRAM = refkin.FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+from tests.linkages import PARALLELOGRAM, remade, with_law
 
 
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, 1e-12])
@@ -38,7 +37,7 @@ def test_an_estimate_nearer_to_a_parallelogram_than_to_its_twin_starts_the_paral
     crank, coupler, rocker = (c / 2, s / 2, phi), (c + 1.5 * size, s, off), (c / 2 + 3 * size, s / 2, phi)
     estimates = {"crank": crank, "coupler": coupler, "rocker": rocker}
     bodies = tuple(replace(body, estimate=estimates[body.name]) for body in scene.mechanism.bodies)
-    motion = refkin.solve(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+    motion = refkin.solve(remade(scene, bodies=bodies))
 
     assert motion.verdict in (Status.OK, Status.SINGULAR)
     assert motion.verdict is Status.SINGULAR or abs(motion["coupler"].phi[0]) <= beyond / 4
@@ -48,11 +47,9 @@ def test_an_estimate_that_is_a_singular_pose_to_the_bit_is_a_start():
     """Newton has nothing to correct there."""
     linkage = refkin.FourBar(ground=3.0, crank=3.0, coupler=1.0, rocker=1.0)
     scene = linkage.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=[0.0], branch="open", effects=())
-    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(0.0, 1.0)))
     estimates = {"crank": (1.5, 0.0, 0.0), "coupler": (3.5, 0.0, 0.0), "rocker": (3.5, 0.0, 0.0)}
     bodies = tuple(replace(body, estimate=estimates[body.name]) for body in scene.mechanism.bodies)
-    mechanism = replace(scene.mechanism, bodies=bodies, drivers=(driver,))
-    motion = refkin.solve(replace(scene, mechanism=mechanism))
+    motion = refkin.solve(remade(with_law(scene, Polynomial(coefficients=(0.0, 1.0))), bodies=bodies))
 
     assert motion.verdict is Status.SINGULAR
     assert np.isfinite(motion.q).all()
@@ -65,9 +62,8 @@ def test_a_limit_that_is_passed_and_come_back_from_within_one_step_is_seen(beyon
     (_, end), *_ = linkage.input_range()
     law = refkin.Sinusoid(amplitude=end * (1.0 + beyond), angular_frequency=1.0)
     scene = linkage.scene(law=Polynomial(coefficients=(end * np.sin(0.5), 1.0)), times=[0.5], branch="open", effects=())
-    driver = replace(scene.mechanism.drivers[0], law=law)
-    scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.5, np.pi - 0.5))
+    scene = replace(with_law(scene, law), times=(0.5, np.pi - 0.5))
     first = linkage.scene(law=Polynomial(coefficients=(law(0.5), 1.0)), times=[0.0], branch="open").mechanism.bodies
-    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=first))
+    scene = remade(scene, bodies=first)
 
     assert refkin.solve(scene).status == (Status.OK, Status.BRANCH_LOST)

@@ -14,12 +14,9 @@ import pytest
 import refkin
 from refkin import FourBar, InvertedSliderCrank, Polynomial, Sinusoid, SliderCrank, Status, analysis
 from refkin.system import compile_system
-
-from .hard_cases import with_law
+from tests.linkages import LIMITED, ROCKER, remade, system_of, with_law
 
 ROOT = Path(__file__).parents[2]
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 
 ALONE = """
 import sys
@@ -98,7 +95,7 @@ def test_it_agrees_with_what_is_proved(linkage, branch):
         assert np.max(np.abs(a - b)) < 1e-12
     assert plain.sigma_min == pytest.approx(proved.sigma_min, rel=1e-10)
     assert plain.condition == pytest.approx(proved.condition, rel=1e-10)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     left = [np.abs(system.phi(q, t)).max() for q, t in zip(system.to_unit(plain.q).T, plain.t, strict=True)]
     assert plain.residual.tolist() == left
 
@@ -114,21 +111,25 @@ def test_a_dead_centre_is_singular_and_nothing_is_said_after_it():
     assert np.isnan(motion.q[:, 3]).all()
 
 
-def test_beyond_a_limit_the_branch_is_lost():
+@pytest.mark.parametrize(("solver", "proved"), [(analysis.sweep, set()), (refkin.solve, {Status.UNASSEMBLABLE})])
+def test_beyond_a_limit_the_branch_is_lost(solver, proved):
+    """The law leaves the range of the crank and comes back: nothing jumps."""
     limit = LIMITED.input_range()[0][1]
     scene = LIMITED.scene(law=Sinusoid(amplitude=0.5, angular_frequency=1.0), times=tuple(np.linspace(0.0, 3.0, 31)))
     law = Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0)
-    motion = analysis.sweep(with_law(scene, law))
+    motion = solver(with_law(scene, law))
     beyond = np.flatnonzero(np.abs(law(motion.t)) > limit)[0]
 
-    assert motion.status == (*[Status.OK] * beyond, *[Status.BRANCH_LOST] * (31 - beyond))
+    assert set(motion.status[:beyond]) == {Status.OK}
+    assert set(motion.status[beyond:]) == {Status.BRANCH_LOST} | proved
+    assert np.isnan(motion.q[:, beyond:]).all()
 
 
 def test_a_linkage_that_does_not_close_has_no_pose():
     scene = ROCKER.scene(samples=3)
     coupler = replace(scene.mechanism.joints[1], point_j=(-30.0, 0.0))
     joints = (scene.mechanism.joints[0], coupler, *scene.mechanism.joints[2:])
-    motion = analysis.sweep(replace(scene, mechanism=replace(scene.mechanism, joints=joints)))
+    motion = analysis.sweep(remade(scene, joints=joints))
 
     assert set(motion.status) == {Status.NOT_CONVERGED}
     assert np.isnan(motion.q).all()
@@ -140,7 +141,7 @@ def test_rows_that_contradict_each_other_are_no_pose_and_end_the_branch():
     scene = ROCKER.scene(samples=4)
     m = scene.mechanism
     twin = replace(m.joints[2], name="B2", point_i=(m.joints[2].point_i[0] + 1e-3, 0.0))
-    motion = analysis.sweep(replace(scene, mechanism=replace(m, joints=(*m.joints, twin))))
+    motion = analysis.sweep(remade(scene, joints=(*m.joints, twin)))
 
     assert motion.status == (Status.NOT_CONVERGED, *[Status.BRANCH_LOST] * 3)
     assert np.isnan(motion.q).all()
@@ -149,7 +150,7 @@ def test_rows_that_contradict_each_other_are_no_pose_and_end_the_branch():
 def test_a_coarse_march_stays_on_its_branch():
     """Four samples a turn: without the sign of the determinant and the distance from the prediction it would not."""
     scene = ROCKER.scene(turns=2, samples=9)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     fine = refkin.solve(ROCKER.scene(turns=2, samples=721))
     first = analysis.position(system, analysis.estimate_of(system, scene), 0.0).q
     poses = system.to_physical(analysis.march(system, first, scene.times))
@@ -195,7 +196,7 @@ def test_a_branch_ends_in_a_singular_pose_only_if_newton_came_to_one_nearby(monk
 def step_of_a_rocker():
     """A system, where it is at a time, that time and the next, the solution there."""
     scene = ROCKER.scene(samples=721)
-    system, (t, to) = compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene.times[:2]
+    system, (t, to) = system_of(scene), scene.times[:2]
     q = analysis.position(system, analysis.estimate_of(system, scene), t).q
     return system, q, t, to, analysis.position(system, q + (to - t) * analysis.velocity(system, q, t), to)
 
@@ -220,8 +221,7 @@ def test_a_step_stays_on_its_branch_while_it_is_led_to_but_for_a_quarter_of_its_
 def test_a_wheel_that_turns_too_often_between_two_times_is_given_up(monkeypatch):
     """It went on for hours."""
     monkeypatch.setattr(analysis, "MOST_STEPS", 50)
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     laws = [Polynomial(coefficients=(0.3, w)) for w in (10.0, 1e15)]
-    motions = [analysis.sweep(linkage.scene(law=law, times=(0.0, 1.0))) for law in laws]
+    motions = [analysis.sweep(ROCKER.scene(law=law, times=(0.0, 1.0))) for law in laws]
 
     assert [motion.status[-1] for motion in motions] == [Status.OK, Status.BRANCH_LOST]

@@ -28,6 +28,7 @@ from refkin.solving.solve import solve
 from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near
+from tests.linkages import remade, system_of, with_law
 
 ORIGIN = (0.0, 0.0)
 TIMES = (0.0, 0.4, 0.8)
@@ -58,8 +59,8 @@ def turned(mechanism: Mechanism) -> Motion:
 def doubled(scene: Scene) -> tuple[System, Scene]:
     """Return a linkage with its first joint twice: rows that say the same."""
     m = scene.mechanism
-    twice = replace(scene, mechanism=replace(m, joints=(*m.joints, replace(m.joints[0], name="again"))))
-    return compile_system(twice.mechanism, unit=twice.mechanism.unit()), twice
+    twice = remade(scene, joints=(*m.joints, replace(m.joints[0], name="again")))
+    return system_of(twice), twice
 
 
 def test_there_is_no_bound_where_a_choice_of_rows_is_nearly_singular():
@@ -131,7 +132,7 @@ def test_a_table_contradicts_the_cubic_that_it_samples_if_its_values_are_off_by_
     m = scene.mechanism
     drivers = (*m.drivers, AngleDriver(name="second motor", body="rocker", law=table))
 
-    assert solve(replace(scene, mechanism=replace(m, drivers=drivers))).verdict is verdict
+    assert solve(remade(scene, drivers=drivers)).verdict is verdict
 
 
 def test_a_table_of_a_cubic_does_not_contradict_it_on_another_crank():
@@ -259,8 +260,7 @@ def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok()
     flat = load(Path(__file__).parents[1] / "corpus" / "redundant-one-ulp.toml")
     at = {"c0": (0.0, 0.0, 1e-7), "c1": (1.0, 0.0, 1e-7), "c2": (3.0, 0.0, 1e-7), "bar": (1.0, 1e-7, 0.0)}
     bodies = tuple(replace(body, estimate=at[body.name]) for body in flat.mechanism.bodies)
-    driver = replace(flat.mechanism.drivers[0], law=Polynomial(coefficients=(1e-7, 1.0)))
-    motion = solve(replace(flat, mechanism=replace(flat.mechanism, bodies=bodies, drivers=(driver,))))
+    motion = solve(remade(with_law(flat, Polynomial(coefficients=(1e-7, 1.0))), bodies=bodies))
 
     assert motion.verdict is Status.SINGULAR
     assert np.isnan(motion.qdd).all()

@@ -16,62 +16,18 @@ from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load, parse, to_dict, to_toml
 from refkin.scenes.keys import schema
 
-TEXT = """
-schema = 1
-name = "crank-rocker"
-effects = ["velocity"]
-bodies_wanted = ["coupler"]
-[times]
-start = 0.0
-stop = 1.0
-count = 3
-[[body]]
-name = "crank"
-estimate = [0.5, 0.0, 0.0]
-[[body]]
-name = "coupler"
-estimate = [2.3, 1.5, 0.9]
-[[body]]
-name = "rocker"
-estimate = [3.6, 1.5, 1.8]
-[[joint]]
-name = "A0"
-type = "revolute"
-body_i = "ground"
-point_i = [0.0, 0.0]
-body_j = "crank"
-point_j = [-0.5, 0.0]
-[[joint]]
-name = "A"
-type = "revolute"
-body_i = "crank"
-point_i = [0.5, 0.0]
-body_j = "coupler"
-point_j = [-1.75, 0.0]
-[[joint]]
-name = "B"
-type = "revolute"
-body_i = "coupler"
-point_i = [1.75, 0.0]
-body_j = "rocker"
-point_j = [1.5, 0.0]
-[[joint]]
-name = "B0"
-type = "revolute"
-body_i = "rocker"
-point_i = [-1.5, 0.0]
-body_j = "ground"
-point_j = [4.0, 0.0]
-[[driver]]
-name = "motor"
-type = "angle"
-body = "crank"
-law = { kind = "polynomial", coefficients = [0.0, 2.0] }
-[[point]]
-name = "P"
-body = "coupler"
-position = [0.3, 0.2]
-"""
+DRIVEN = 'law = { kind = "polynomial", coefficients = [0.0, 2.0] }'
+GRID = "start = 0.0\nstop = 1.0\ncount = 3"
+POINT = '[[point]]\nname = "P"\nbody = "coupler"\nposition = [0.3, 0.2]\n'
+TEXT = (Path(__file__).parents[2] / "examples" / "crank-rocker.toml").read_text(encoding="utf-8") + POINT
+for old, new in (
+    ("start = 0.0\nstop = 6.283185307179586\ncount = 73", GRID),
+    ('effects = ["acceleration", "velocity"]', 'effects = ["velocity"]'),
+    ('evidence = ["certificate", "condition"]', 'bodies_wanted = ["coupler"]'),
+    ('law = { coefficients = [0.0, 1.0], kind = "polynomial" }', DRIVEN),
+):
+    assert old in TEXT
+    TEXT = TEXT.replace(old, new)
 GOOD = tomllib.loads(TEXT)
 SLOW = {"kind": "sinusoid", "amplitude": 1.0, "angular_frequency": -5e-324}
 TABLE = {"kind": "table", "argument": [0.0, 1.0], "value": [0.0, 1.0]}
@@ -92,9 +48,7 @@ def put(*path_and_value):
     return change
 
 
-DRIVEN = 'law = { kind = "polynomial", coefficients = [0.0, 2.0] }'
 CLOSE = 'law = { kind = "table", argument = [0.0, 5e-324, 1e-323, 1.0], value = [0.0, 1.0, 2.0, 0.0] }'
-GRID = "start = 0.0\nstop = 1.0\ncount = 3"
 HOSTILE = {
     "an integer that Python does not read": (("schema = 1", "schema = " + "9" * 5000), {"file"}),
     "an integer beyond every float": (("[0.5, 0.0", "[0x" + "f" * 5000 + ", 0.0"), {"body[0].estimate[0]"}),

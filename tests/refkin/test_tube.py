@@ -23,9 +23,7 @@ from refkin.scenes.linkages import Hooke
 from refkin.solving import starts as starting
 from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
-
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+from tests.linkages import LIMITED, ROCKER, posed, remade, solved, system_of
 
 
 def widest(system, q, t, qd):
@@ -39,8 +37,7 @@ def widest(system, q, t, qd):
 
 def interval(scene):
     """The widest interval around the scene's first time, the tube, the system and the pose."""
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    system, q = posed(scene)
     t = scene.times[0]
     return *widest(system, q, t, refkin.velocity(system, q, t)), system, q
 
@@ -69,8 +66,7 @@ def test_the_motion_stays_in_the_tube_all_over_the_interval(angle):
 
 def test_at_a_singular_pose_no_interval_is_certified():
     scene = SliderCrank(0.25, 0.5).scene(driven="slider", law=Polynomial(coefficients=(0.75, -0.1)), times=(0.0,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    system, q = posed(scene)
 
     assert widest(system, q, 0.0, np.zeros_like(q))[0] == 0.0
 
@@ -80,15 +76,14 @@ def test_a_swing_is_one_motion_in_a_few_tubes_and_one_beyond_a_limit_is_none(swi
     """There and back: both ends are one pose, 0.5 rad from the limit."""
     start = LIMITED.input_range()[0][1] - 0.5
     scene = LIMITED.scene(law=Sinusoid(amplitude=swing, angular_frequency=1.0, offset=start), times=(0.0,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    system, q = posed(scene)
 
     assert ConnectionProof(system, 40, pose_between).connects(0.0, math.pi, q, q) is inside
 
 
 def test_a_step_is_halved_as_often_as_is_stated_before_it_is_given_up(monkeypatch):
     scene = ROCKER.scene(samples=9)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     monkeypatch.setattr(ConnectionProof, "_tube_holds", lambda *_: False)
     proof = ConnectionProof(system, 1000, pose_between)
 
@@ -103,8 +98,7 @@ def test_one_tube_holds_no_motion_that_leaves_it_at_either_end(start, sign, swin
     height = 81.0 * math.e * swing
     law = Polynomial(coefficients=(LIMITED.input_range()[0][1] - 0.5, *[0.0] * 79, height, sign * height))
     scene = LIMITED.scene(law=law, times=(start,))
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    system, q = posed(scene)
 
     assert ConnectionProof(system, 1, pose_between).connects(start, start + 1.0, q, q) is holds
 
@@ -112,8 +106,7 @@ def test_one_tube_holds_no_motion_that_leaves_it_at_either_end(start, sign, swin
 def test_one_tube_holds_a_short_turn_in_space_whose_law_stands_in_the_jacobian():
     """At another time than its own the line would leave the equations at once."""
     scene = Hooke(0.5).scene(samples=2, turns=0.03)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q)
+    system, q = solved(scene)
 
     assert ConnectionProof(system.held_at(q[:, 0]), 1, pose_between).connects(*scene.times, *q.T)
 
@@ -138,8 +131,7 @@ def test_a_tube_in_space_is_proved_over_all_its_times(reach, holds, in_balls):
 
 def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chords_alone():
     scene = ROCKER.scene(samples=9)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = system.to_unit(refkin.solve(scene).q)
+    system, q = solved(scene)
 
     assert first_unproved(system, np.array(scene.times), q, between=lambda *_: None) is None
 
@@ -148,7 +140,7 @@ def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chor
 def test_a_step_past_a_nearly_singular_pose_is_proved_in_small_pieces_and_not_in_balls(slack, monkeypatch):
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.0, rocker=2.0 + slack)
     scene = linkage.scene(law=Polynomial(coefficients=(0.2, 1.0)), times=tuple(np.linspace(0.0, 6.0, 61)))
-    system, ends = compile_system(scene.mechanism, unit=scene.mechanism.unit()), [10, 50]
+    system, ends = system_of(scene), [10, 50]
     q = system.to_unit(refkin.solve(scene).q[:, ends])
     monkeypatch.setattr(ConnectionProof, "connects", lambda *_: pytest.fail("in balls"))
 
@@ -167,7 +159,7 @@ def started(x):
     """A scene whose estimates are all somewhere else."""
     scene = ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,))
     bodies = tuple(replace(b, estimate=x) for b in scene.mechanism.bodies)
-    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+    return remade(scene, bodies=bodies)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +178,7 @@ def test_from_a_far_start_an_assembly_is_found_and_told(x):
 @pytest.mark.parametrize("held", ["crank", "rocker", "none"])
 def test_whole_turns_are_an_estimate_s_but_for_angles_that_a_driver_counts_or_that_have_none(held):
     scene = ROCKER.scene(samples=2)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     q, twice = system.to_unit(refkin.solve(scene).q[:, 0]), 2 * math.tau * np.tile([0.0, 0.0, 1.0], 3)
     at = np.repeat(np.array(["crank", "coupler", "rocker"]) == held, 3)
 
@@ -210,7 +202,7 @@ def test_the_radius_counts_the_rounding_of_coordinates_far_from_the_origin():
 
 def test_the_right_sides_over_an_interval_hold_their_values_there():
     law = Sinusoid(amplitude=1.0, angular_frequency=3.0, offset=0.5)
-    system = compile_system(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=(0.0,)).mechanism)
+    system = compile_system(ROCKER.scene(law=law, times=(0.0,)).mechanism)
     t, half, q = np.array([0.2, 0.9]), np.array([0.05, 0.2]), np.zeros(system.n)
     over = read(bounded_system(system).nu(box(np.zeros((system.n, 2))), Times(t, 1, half)), 2)
     for part in (-1.0, -0.5, 0.5, 1.0):
@@ -237,7 +229,7 @@ def test_a_far_estimate_leads_to_an_assembly_only_where_newton_converged_and_the
 def test_newton_with_balls_goes_on_to_round_off_also_where_it_sets_out_by_growing_steps(seed):
     """Not much less than a size, or a radian, away: where it ends, if anywhere, the joints close in all digits."""
     scene = ROCKER.scene(samples=2)
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    system = system_of(scene)
     q = system.to_unit(refkin.solve(scene).q[:, 0]) + 0.8 * np.random.default_rng(seed).uniform(-1.0, 1.0, system.n)
     with ctx.workprec(200):
         equations = BallEquations(system, arb(0), np.arange(system.n), 200)

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 import refkin
-from refkin import Body, Fixed, FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, YDriver
+from refkin import Body, Fixed, InvertedSliderCrank, Sinusoid, SliderCrank, YDriver
+from tests.linkages import ROCKER, remade
 
 from .. import contact_cases
 from .linkworks import chain, platform
 
-ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 TIMES = tuple(np.linspace(0.0, 2.0, 41).tolist())
 
 
@@ -44,7 +44,7 @@ def lifted():
     scene = ROCKER.scene(start=0.3, turns=0.05, samples=20)
     law = Sinusoid(amplitude=1.0, angular_frequency=0.2, phase=0.3)
     driver = YDriver(name="lift", body="crank", point=(0.5, 0.0), law=law)
-    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+    return remade(scene, drivers=(driver,))
 
 
 def flagged():
@@ -55,7 +55,7 @@ def flagged():
     flag = Body(name="flag", estimate=(z.real, z.imag, phi + 0.4))
     weld = Fixed(name="weld", body_i="coupler", point_i=(0.3, 0.2), body_j="flag", point_j=(0.1, 0.0), angle=0.4)
     m = scene.mechanism
-    return replace(scene, mechanism=replace(m, bodies=(*m.bodies, flag), joints=(*m.joints, weld)))
+    return remade(scene, bodies=(*m.bodies, flag), joints=(*m.joints, weld))
 
 
 SCENES = by_name()

@@ -17,11 +17,11 @@ from crosscheck.measure.check import check
 from refkin import FourBar, Sinusoid
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, elements_of
 from refkin.scenes.files import load
+from tests.linkages import LIMITED, with_law
 
 from .scenes import ROCKER, SCENES, bare
 
 PROJECT = Path(__file__).parents[3] / "pyproject.toml"
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 
 
 def test_it_is_registered():
@@ -71,8 +71,7 @@ def test_what_is_left_to_the_reference_gets_no_answer():
     limit = LIMITED.input_range()[0][1]
     law = Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0)
     scene = bare(LIMITED.scene(samples=2, turns=0.01))
-    driver = replace(scene.mechanism.drivers[0], law=law)
-    scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.0, 1.0, 1.57))
+    scene = replace(with_law(scene, law), times=(0.0, 1.0, 1.57))
 
     with pytest.raises(EngineError, match="to the reference"):
         RefkinBatch().solve(scene)

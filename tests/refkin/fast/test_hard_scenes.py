@@ -11,20 +11,18 @@ import pytest
 import refkin
 from refkin import Evidence, FourBar, Polynomial, Sinusoid, SliderCrank, Status
 from refkin.fast import attempt, sweep
+from tests.linkages import LIMITED, PARALLELOGRAM, remade, with_law
 
 from .scenes import ROCKER, bare
 
-PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
 KITE = FourBar(ground=2.0, crank=1.0, coupler=1.0, rocker=2.0)
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 
 
 def turning(linkage, law, times, **where):
     """The linkage from its pose at the first time on, with a law that need not stay in its range."""
     first = Polynomial(coefficients=(float(law(times[0])),))
     scene = linkage.scene(law=first, times=times[:1], **where)
-    driver = replace(scene.mechanism.drivers[0], law=law)
-    return bare(replace(scene, times=tuple(times), mechanism=replace(scene.mechanism, drivers=(driver,))))
+    return bare(replace(with_law(scene, law), times=tuple(times)))
 
 
 def without_a_pose():
@@ -33,7 +31,7 @@ def without_a_pose():
     joints = tuple(
         replace(j, point_i=(j.point_i[0] * 0.1, 0.0)) if j.body_i == "coupler" else j for j in scene.mechanism.joints
     )
-    return replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+    return remade(scene, joints=joints)
 
 
 def stretched():
@@ -56,9 +54,12 @@ SCENES = {
     "a kite through its change point": turning(
         KITE, Polynomial(coefficients=(1.0, 1.0)), np.linspace(0.0, 3.0, 16).tolist()
     ),
-    "beyond a limit and back": turning(
-        LIMITED, Sinusoid(amplitude=LIMIT + 0.05, angular_frequency=1.0), np.linspace(0.0, 3.0, 25).tolist()
-    ),
+    **{
+        f"beyond a limit and back in {count} times": turning(
+            LIMITED, Sinusoid(amplitude=LIMIT + 0.05, angular_frequency=1.0), np.linspace(0.0, 3.0, count).tolist()
+        )
+        for count in (13, 25, 200)
+    },
     "just short of a limit and back": turning(
         LIMITED, Sinusoid(amplitude=LIMIT - 1e-9, angular_frequency=1.0), np.linspace(0.0, 3.0, 25).tolist()
     ),

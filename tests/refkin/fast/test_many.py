@@ -14,7 +14,6 @@ import pytest
 import refkin
 from refkin import (
     AngleDriver,
-    Body,
     Distance,
     DistanceDriver,
     Effect,
@@ -35,6 +34,7 @@ from refkin.motion_laws import Integral
 from refkin.newton import CONTRACTION
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
+from tests.linkages import beside_a_wheel, remade, without_estimates
 
 from .families import closed_form, errors, estimates, geometry, grashof, scene
 from .linkworks import chain
@@ -331,14 +331,12 @@ def test_many_mechanisms_say_what_is_not_looked_at_between_two_times():
     def unseen(given, joint):
         return solve_many(replace(given, times=given.times[:2]), {joint: {"point_j": (np.zeros(2), 0.0)}}).unseen
 
-    wheel = Body(name="wheel", estimate=(9.0, 0.0, 0.0))
-    pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
-    motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
-    m = ROCKER.scene().mechanism
-    two = replace(m, bodies=(*m.bodies, wheel), joints=(*m.joints, pin), drivers=(*m.drivers, motor))
+    two = beside_a_wheel(ROCKER.scene(), Polynomial(coefficients=(0.0, 1.0)))
+    (*others, wheel) = two.mechanism.bodies
+    two = remade(two, bodies=(*others, replace(wheel, estimate=(9.0, 0.0, 0.0))))
 
     assert unseen(ROCKER.scene(), "A0") == ""
-    assert unseen(replace(ROCKER.scene(), mechanism=two), "A0") == "several laws together"
+    assert unseen(two, "A0") == "several laws together"
     assert unseen(chain(2), "foot0") == "a loop that another one moves"
     assert unseen(SCENES["tip on lobes"], "pin of cam") == "a cam's profile"
 
@@ -489,12 +487,8 @@ def test_a_mechanism_that_no_scene_may_have_is_not_ok_and_changes_no_other(fault
 
 
 def test_a_scene_without_estimates_is_refused():
-    some = scene(3)
-    bodies = tuple(replace(b, estimate=None) for b in some.mechanism.bodies)
-    some = replace(some, mechanism=replace(some.mechanism, bodies=bodies))
-
     with pytest.raises(InvalidScene, match="an estimate of its first pose"):
-        solve_many(some, {"A": {"point_j": (-1.75 * np.ones(2), 0.0)}})
+        solve_many(without_estimates(scene(3)), {"A": {"point_j": (-1.75 * np.ones(2), 0.0)}})
 
 
 def test_redundant_rows_are_refused():

@@ -38,6 +38,7 @@ from refkin.fast.elimination import run
 from refkin.fast.prepare import prepared
 from refkin.fast.redundant import by_all_rows
 from refkin.scenes.linkages import RSSR
+from tests.linkages import remade, without_estimates
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare, system_of
@@ -121,29 +122,12 @@ def test_hard_scenes_stay_on_the_branch_of_the_closed_form(evidence, drawn):
     assert np.max(off_closed_form(drawn, motion), initial=0.0) < 1e-7
 
 
-LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
-
-
 def driven(linkage, law, times, driven="crank", relative_to="ground", branch="open"):
     """A scene whose law may lead where the linkage cannot follow."""
     start = Polynomial(coefficients=(float(law(times[0])),))
     scene = linkage.scene(law=start, times=times[:1], driven=driven, relative_to=relative_to, branch=branch)
     mechanism = replace(scene.mechanism, drivers=(linkage.driver(law, driven, relative_to),))
     return bare(replace(scene, mechanism=mechanism), times=tuple(times))
-
-
-@pytest.mark.parametrize("samples", [13, 31, 200])
-def test_beyond_a_limit_nothing_is_answered(samples):
-    """The law leaves the range of the crank and comes back: what is not there gets no pose, and no branch is taken."""
-    limit = LIMITED.input_range()[0][1]
-    scene = driven(
-        LIMITED, Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0), np.linspace(0.0, 3.0, samples).tolist()
-    )
-    motion, ref = sweep(scene), refkin.solve(scene)
-
-    assert motion.status == ref.status
-    assert motion.verdict is not Status.OK
-    assert np.array_equal(motion.q, ref.q, equal_nan=True)
 
 
 @pytest.mark.parametrize("samples", [9, 37, 101, 1001])
@@ -203,16 +187,14 @@ def test_an_estimate_in_another_turn_is_followed_as_by_the_reference():
         replace(b, estimate=(*b.estimate[:2], b.estimate[2] + 4 * math.pi * (b.name == "rocker")))
         for b in scene.mechanism.bodies
     )
-    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+    scene = remade(scene, bodies=bodies)
 
     assert np.max(np.abs(sweep(scene).q - refkin.solve(scene).q)) < 1e-14
 
 
 @pytest.mark.parametrize("kept", ["", "crank"])
 def test_without_all_estimates_an_assembly_is_searched_and_told(kept):
-    scene = bare(ROCKER.scene(samples=20))
-    bodies = tuple(b if b.name == kept else replace(b, estimate=None) for b in scene.mechanism.bodies)
-    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+    scene = without_estimates(bare(ROCKER.scene(samples=20)), kept)
     motion, ref = sweep(scene), refkin.solve(scene)
 
     assert motion.producer.name == FAST
@@ -229,7 +211,7 @@ def test_a_rough_estimate_leads_to_the_same_assembly(off):
             replace(b, estimate=tuple(x + d for x, d in zip(b.estimate, dx.tolist(), strict=True)))
             for b, dx in zip(scene.mechanism.bodies, move, strict=True)
         )
-        rough = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+        rough = remade(scene, bodies=bodies)
         motion, ref = sweep(rough), refkin.solve(rough)
 
         assert motion.status == ref.status
@@ -241,14 +223,11 @@ def test_redundant_rows_are_left_out_and_held_to_account():
     scene = bare(ROCKER.scene(samples=30))
     again = Revolute(name="again", body_i="ground", point_i=(0.0, 0.0), body_j="crank", point_j=(-0.5, 0.0))
     apart = replace(again, point_i=(1e-6, 0.0))
-    doubled, broken = (
-        replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, joint)))
-        for joint in (again, apart)
-    )
+    doubled, broken = (remade(scene, joints=(*scene.mechanism.joints, joint)) for joint in (again, apart))
 
     assert sweep(doubled).producer.name == FAST
     assert np.max(np.abs(sweep(doubled).q - sweep(scene).q)) < 1e-14
-    assert sweep(broken).verdict is not Status.OK
+    assert sweep(broken).verdict is refkin.solve(broken).verdict is Status.UNASSEMBLABLE
 
 
 def nearly_a_parallelogram(times):
@@ -399,14 +378,6 @@ def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():
 
     assert answer._evidence(scene, system, None, [q[:, :1]], times[:1], near[:1]) is not None
     assert answer._evidence(scene, system, None, [q], times, near) is None
-
-
-def test_a_linkage_in_another_unit_gives_the_same_bits():
-    here = bare(ROCKER.scene(samples=37))
-    there = bare(FourBar(*(x * 2.0**30 for x in (4.0, 1.0, 3.5, 3.0))).scene(samples=37))
-
-    assert np.array_equal(sweep(here).q[2::3], sweep(there).q[2::3])
-    assert np.array_equal(sweep(here).qdd[0::3] * 2.0**30, sweep(there).qdd[0::3])
 
 
 # Planted faults. Each replaces code that a sweep runs.
