@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,14 @@ def jobs(night: int, count: int, samples: int = 6) -> list[dict[str, Any]]:
     """Return the first scenes of a night, at few times, as workers take them."""
     drawn = [draw(night, number, samples) for number in range(count)]
     return [{"scene": to_dict(d.scene), "about": {**describe(d), "shard": k}} for k, d in enumerate(drawn)]
+
+
+def drained(pool: Any, todo: Sequence[Any] = (), batch: int = 1) -> Iterator[Any]:
+    """Submit jobs in batches, if there are any, and yield all results that are still to come."""
+    for k in range(0, len(todo), batch):
+        pool.submit(todo[k : k + batch])
+    while pool.pending:
+        yield from pool.results()
 
 
 def key_of_drawn(night: int, number: int, samples: int = 6) -> str:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 
@@ -29,10 +29,13 @@ ROUTE = Route(
 
 
 class Right:
-    """Answers as the reference does."""
+    """Answers as the reference does; each of the others is named after its class, and errs as its `change` says."""
 
     name = "right"
     api = API
+
+    def __init_subclass__(cls) -> None:
+        cls.name = cls.__name__.lower()
 
     def version(self) -> str:
         return "0"
@@ -47,14 +50,14 @@ class Right:
         return ()
 
     def solve(self, scene, route=None) -> Motion:
-        motion = refkin.solve(scene)
-        return replace(motion, producer=Producer(name=self.name, version="0", route=ROUTE))
+        return self.change(replace(refkin.solve(scene), producer=Producer(name=self.name, version="0", route=ROUTE)))
+
+    def change(self, motion: Motion) -> Motion:
+        return motion
 
 
 class NoMethods(Right):
     """Has no method at all."""
-
-    name = "none"
 
     def routes(self) -> Sequence[Route]:
         return ()
@@ -63,10 +66,7 @@ class NoMethods(Right):
 class Wrong(Right):
     """Is off by 1e-9 at the last time, and says nothing."""
 
-    name = "wrong"
-
-    def solve(self, scene, route=None) -> Motion:
-        motion = super().solve(scene)
+    def change(self, motion: Motion) -> Motion:
         q = motion.q.copy()
         q[-1, -1] += 1e-9
         return replace(motion, q=q)
@@ -75,103 +75,79 @@ class Wrong(Right):
 class Claims(Right):
     """Is half a size off, and says that it adds ten."""
 
-    name = "claims"
-
     def terms(self, scene, route=None) -> Sequence[Term]:
         return (Term(name="own", level="position", reason="so it says", absolute=10.0),)
 
-    def solve(self, scene, route=None) -> Motion:
-        motion = super().solve(scene)
+    def change(self, motion: Motion) -> Motion:
         return replace(motion, q=motion.q + 0.5)
 
 
 class Stale(Right):
     """Has a model that is right once, and from then on off by 1e-3."""
 
-    name = "stale"
     kept = MappingProxyType({ROUTE: ""})
 
     def __init__(self, then: float = 1e-3) -> None:
         self.then = then
 
     def model(self, scene, route=None):
-        asked, calls = self, iter([0.0])
+        calls = iter([0.0])
 
-        class Kept:
-            def solve(self, scene) -> Motion:
-                motion = asked.solve(scene)
-                return replace(motion, q=motion.q + next(calls, asked.then))
+        def solve(scene) -> Motion:
+            motion = self.solve(scene)
+            return replace(motion, q=motion.q + next(calls, self.then))
 
-        return Kept()
+        return SimpleNamespace(solve=solve)
 
 
 class Swapped(Right):
     """Takes each of a scene's points for another."""
 
-    name = "swapped"
-
-    def solve(self, scene, route=None) -> Motion:
-        motion = super().solve(scene)
+    def change(self, motion: Motion) -> Motion:
         return replace(motion, points=dict(zip(motion.points, reversed(motion.points.values()), strict=True)))
 
 
 class Warns(Right):
     """Is right, and calls the last pose singular."""
 
-    name = "warns"
-
-    def solve(self, scene, route=None) -> Motion:
-        motion = super().solve(scene)
+    def change(self, motion: Motion) -> Motion:
         return replace(motion, status=(*motion.status[:-1], Status.SINGULAR))
 
 
 class Empty(Right):
     """Calls NaN ok."""
 
-    name = "empty"
-
-    def solve(self, scene, route=None) -> Motion:
-        motion = super().solve(scene)
+    def change(self, motion: Motion) -> Motion:
         return replace(motion, q=np.full_like(motion.q, np.nan))
 
 
 class Refuses(Right):
-    name = "refuses"
-
-    def solve(self, scene, route=None) -> Motion:
+    def change(self, motion: Motion) -> Motion:
         raise EngineError("refuses refuses every scene")
 
 
 class Raises(Right):
-    name = "raises"
-
-    def solve(self, scene, route=None) -> Motion:
+    def change(self, motion: Motion) -> Motion:
         raise ZeroDivisionError("planted")
 
 
 class Crashes(Right):
-    name = "crashes"
-
-    def solve(self, scene, route=None) -> Motion:
+    def change(self, motion: Motion) -> Motion:
         os.kill(os.getpid(), signal.SIGSEGV)
-        return super().solve(scene)
+        return motion
 
 
 class Shapeless(Right):
     """Answers with an array."""
 
-    name = "shapeless"
-
-    def solve(self, scene, route=None):
-        return super().solve(scene).q
+    def change(self, motion: Motion):
+        return motion.q
 
 
 class Hangs(Right):
-    name = "hangs"
-
-    def solve(self, scene, route=None) -> Motion:
+    def change(self, motion: Motion) -> Motion:
         time.sleep(600.0)
-        return super().solve(scene)
+        return motion
 
 
 def modelled(off, scene):

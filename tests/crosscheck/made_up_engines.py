@@ -40,7 +40,7 @@ class Made(Right):
 
     def solve(self, scene: Scene, route: Any = None) -> Motion:
         self.scene, self.asked = scene, self.asked + 1
-        return self.change(super().solve(scene, route))
+        return super().solve(scene, route)
 
     def own_rows(self, scene: Scene) -> Any:
         model = Rows(CONFIGURED[-1])

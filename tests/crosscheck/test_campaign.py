@@ -20,12 +20,12 @@ import refkin
 from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, line_of, read_records
 from crosscheck.measure import jobs
 from crosscheck.measure.check import key_of
-from crosscheck.night import campaign, disagreements
+from crosscheck.night import campaign, disagreements, sections
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.hunting import drawn_again
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
-from crosscheck.night.sections import job_of
+from crosscheck.night.sections import job_of, write_sections
 from crosscheck.scenes.drawing import (
     CHAINS_EVERY,
     COSTS,
@@ -293,15 +293,54 @@ def test_a_folder_that_holds_a_run_gives_its_seed_and_refuses_another(tmp_path):
         seed_of(tmp_path, 1)
 
 
-def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):
-    run(plan(tmp_path / "out", scenes=1))
-    before = (tmp_path / "out" / "run.json").read_text()
-    spec = engine_file(tmp_path)
+def of_another_version(path, monkeypatch):
+    path.write_text(json.dumps({**json.loads(path.read_text()), "refkin": "9.9"}))
+    return {}
 
-    with pytest.raises(OtherRun, match=r"fake none, not 1; file of fake none, not [0-9a-f]{16}: choose"):
-        run(plan(tmp_path / "out", spec, scenes=2))
 
-    assert (tmp_path / "out" / "run.json").read_text() == before
+def of_another_source(path, monkeypatch):
+    """A constant was changed between a kill and its resumption: one version, and the records of two programs."""
+    assert json.loads(path.read_text())["source"] == source.digest()
+    monkeypatch.setattr(campaign, "digest", lambda: "another")
+    return {}
+
+
+def of_another_source_untold(path, monkeypatch):
+    """They are told apart without what stands beside them as well."""
+    path.unlink()
+    monkeypatch.setattr(campaign, "digest", lambda: "another")
+    return {}
+
+
+def with_other_time(path, monkeypatch):
+    """What hangs at 5 s may answer at 30 s: the same engine would be told to do both."""
+    return {"scene_seconds": 5.0}
+
+
+def with_other_engines(path, monkeypatch):
+    return {"engines": ("closed_form", *SAMPLED, engine_file(path.parent.parent))}
+
+
+OTHERS = [
+    (of_another_version, f"a run with refkin 9.9, not {refkin.__version__}"),
+    (of_another_source, f"a run with source code {source.digest()}, not another"),
+    (of_another_source_untold, "records of another run"),
+    (with_other_time, r"a run with seconds per scene 30\.0, not 5\.0"),
+    (with_other_engines, r"a run with .*fake none, not 1; file of fake none, not [0-9a-f]{16}"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), OTHERS, ids=[change.__name__ for change, _ in OTHERS])
+def test_a_folder_of_another_run_is_refused_and_left_as_it_is(change, said, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run(plan(out, scenes=1))
+    asked = change(out / "run.json", monkeypatch)
+    before = {file: file.read_bytes() for file in out.iterdir()}
+
+    with pytest.raises(OtherRun, match=f"holds {said}: choose another folder"):
+        run(plan(out, scenes=2, **asked))
+
+    assert {file: file.read_bytes() for file in out.iterdir()} == before
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -320,47 +359,6 @@ def test_a_folder_of_an_engine_whose_file_was_changed_is_refused(tmp_path, told)
     engine_file(tmp_path)
     if told:
         assert run(plan(out, spec, scenes=2)).checked == 2
-
-
-def test_a_folder_of_another_version_is_refused_and_left_as_it_is(tmp_path):
-    run(plan(tmp_path, scenes=1))
-    path = tmp_path / "run.json"
-    other = {**json.loads(path.read_text()), "refkin": "9.9"}
-    path.write_text(json.dumps(other))
-
-    with pytest.raises(OtherRun, match=f"holds a run with refkin 9.9, not {refkin.__version__}: choose another folder"):
-        run(plan(tmp_path, scenes=2))
-
-    assert json.loads(path.read_text()) == other
-
-
-@pytest.mark.parametrize("told", [True, False])
-def test_a_folder_of_another_source_is_refused_and_left_as_it_is(tmp_path, told, monkeypatch):
-    """A constant was changed between a kill and its resumption: the version was the same, the records of two programs.
-
-    They are told apart without what stands beside them as well.
-    """
-    run(plan(tmp_path, scenes=1))
-    path = tmp_path / "run.json"
-    assert json.loads(path.read_text())["source"] == source.digest()
-    if not told:
-        path.unlink()
-    monkeypatch.setattr(campaign, "digest", lambda: "another")
-    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
-    said = f"a run with source code {source.digest()}, not another" if told else "records of another run"
-
-    with pytest.raises(OtherRun, match=f"holds {said}: choose another folder"):
-        run(plan(tmp_path, scenes=2))
-
-    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
-
-
-def test_a_folder_whose_scenes_had_other_time_is_refused(tmp_path):
-    """What hangs at 5 s may answer at 30 s: the same engine would be told to do both."""
-    run(plan(tmp_path, scenes=1))
-
-    with pytest.raises(OtherRun, match=r"holds a run with seconds per scene 30\.0, not 5\.0: choose another folder"):
-        run(plan(tmp_path, scenes=2, scene_seconds=5.0))
 
 
 @pytest.mark.parametrize(
@@ -615,3 +613,42 @@ def test_the_report_and_the_run_agree_on_what_is_new(disagreeing, tmp_path):
         "new disagreements",
         len(outcome.new),
     )
+
+
+ENGINES = ("exudyn", "pinocchio", "mujoco")
+
+
+def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path):
+    out = tmp_path / "night"
+    seed = ("--seed", 1, "--scenes", 1, "--workers", 1, "--sections-seconds", 0)
+    process = crosscheck("nightly", *seed, "--require-engines", ",".join(ENGINES), "--out", out)
+    assert process.returncode == 0, process.stdout + process.stderr
+
+    (line,) = (out / "records.jsonl").read_text(encoding="utf-8").splitlines()
+    record = json.loads(line)
+    assert {answer["engine"] for answer in record["answers"]} >= set(ENGINES)
+    assert (record["reference"]["verdict"], record["disagreements"]) == ("ok", [])
+    assert (out / "index.html").exists()
+    assert json.loads((out / "golden.json").read_text(encoding="utf-8"))["worse"] == []
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1e-9, 7.9, float("nan")])
+def test_without_time_for_them_nothing_is_measured_beside_the_scenes(tmp_path, seconds):
+    rows = []
+    write_sections(tmp_path, {name: name for name in ENGINES}, (), seconds, rows.append)
+
+    assert (rows, list(tmp_path.iterdir())) == ([], [])
+
+
+def test_what_is_measured_beside_the_scenes_asks_engines_of_ones_own_too(tmp_path, monkeypatch):
+    """By what loads them, which for those that nobody registered is `file.py:Class`."""
+    asked = {}
+    monkeypatch.setattr(sections, "hard_case_rows", lambda engines, seconds: asked.update(hard=engines) or [])
+    monkeypatch.setattr(sections, "price_list", lambda seconds, producers: asked.update(price=producers) or [])
+    monkeypatch.setattr(sections, "effects_ledger", lambda scene, engines, seconds: asked.update(effects=engines) or [])
+    engines = {"mine": "own.py:Mine", "mujoco": "mujoco", "closed_form": "closed_form"}
+    write_sections(tmp_path, engines, {"closed_form"}, 60.0)
+
+    assert asked["hard"] == ["refkin", "own.py:Mine", "mujoco"]
+    assert asked["price"][-2:] == ("own.py:Mine", "mujoco")
+    assert asked["effects"] == ["own.py:Mine", "mujoco"]

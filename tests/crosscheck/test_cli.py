@@ -165,7 +165,7 @@ NONSENSE = {
     ],
     "hunt": [
         ("--engines nobody", "no engine is called 'nobody'"),
-        (f"--engines {HARD}:NoMethods --minutes 0.01", "a method to compare, got 'none'"),
+        (f"--engines {HARD}:NoMethods --minutes 0.01", "a method to compare, got 'nomethods'"),
         (f"--engines {'x' * 100_000}", "'... (100000 characters); there are: closed_form"),
         ("--minutes 0", "--minutes: expected a number above 0"),
     ],

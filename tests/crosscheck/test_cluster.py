@@ -21,7 +21,7 @@ from crosscheck.workers import cluster
 from crosscheck.workers.cluster import BATCH, ClusterWorkers, NoCluster
 from crosscheck.workers.pool import Pool
 
-from .fake_engines import SEGFAULT, crosscheck, engine_file, jobs, key_of_drawn, settled
+from .fake_engines import SEGFAULT, crosscheck, drained, engine_file, jobs, key_of_drawn, settled
 
 NIGHT = 11
 COUNT = 12
@@ -41,13 +41,10 @@ def digests(records: list[Any]) -> list[str]:
 
 def checked(pool: Pool, killed: bool = False) -> list[Any]:
     """Return the records of the first scenes, in batches of two; with one of the workers killed in the middle."""
-    todo = jobs(NIGHT, COUNT)
-    for k in range(0, COUNT, 2):
-        pool.submit(todo[k : k + 2])
     records: list[Any] = []
-    while pool.pending:
-        records += list(pool.results())
-        if killed and records:
+    for record in drained(pool, jobs(NIGHT, COUNT), 2):
+        records.append(record)
+        if killed:
             assert isinstance(pool, ClusterWorkers)
             os.kill(next(iter(pool.client.run(os.getpid).values())), signal.SIGKILL)
             killed = False
@@ -91,9 +88,7 @@ def test_batches_that_no_worker_has_begun_with_can_be_dropped(two_workers):
     for _ in range(40):
         two_workers.submit(todo)
     two_workers.drop_waiting()
-    records = []
-    while two_workers.pending:
-        records += list(two_workers.results())
+    records = list(drained(two_workers))
 
     assert len(records) < 40
 

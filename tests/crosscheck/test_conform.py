@@ -169,8 +169,7 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
 @pytest.mark.parametrize("k", range(3))
 def test_euler_parameters_that_are_too_long_are_told_of_any_body_also_of_one_that_spins(k):
     class Longer(Right):
-        def solve(self, scene, route=None):
-            motion = super().solve(scene)
+        def change(self, motion):
             q = motion.q.copy()
             q[7 * k + 3 : 7 * k + 7] *= 1.0 + 1e-6
             return replace(motion, q=q)

@@ -67,11 +67,9 @@ from hard_engines import *
 
 
 class Slow(Right):
-    name = "slow"
-
-    def solve(self, scene, route=None):
+    def change(self, motion):
         time.sleep(0.4)
-        return super().solve(scene)
+        return motion
 """
 
 

@@ -14,6 +14,8 @@ from crosscheck.workers.pool import MOST_KILLS, SameName, Work, find_engines
 from crosscheck.workers.processes import Child, Failure, FailureKind, Message, call_each, call_in_turn, serve, stop
 from crosscheck.workers.source import digest
 
+from .fake_engines import drained
+
 CRASH = Failure(FailureKind.CRASH, "its process ended: SIGSEGV", "SIGSEGV")
 HANG = Failure(FailureKind.HANG, "no answer within 7 s")
 
@@ -278,9 +280,7 @@ def test_batches_of_a_cluster_are_done_again_where_their_worker_was_lost(workers
     client = Client([*lost, Future("well", "finished", (["one", "two"], ["a failure"]))])
     pool = workers(client)
     pool.submit([{"key": "a"}, {"key": "b"}])
-    records = []
-    while pool.pending:
-        records += list(pool.results())
+    records = list(drained(pool))
 
     assert (records, pool.unexplained) == (["one", "two"], ["a failure"])
     assert client.submitted == [(pool.work, ({"key": "a"}, {"key": "b"}), {"fake": "fake.py"}, 7.0)] * (MOST_KILLS + 1)

@@ -22,7 +22,20 @@ from crosscheck.measure.jobs import checkers, joined
 from crosscheck.workers.pool import Workers
 from crosscheck.workers.processes import LAST_PRINTED, MOST_PRINTED, call_each, hang
 
-from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
+from .fake_engines import (
+    EXIT,
+    HANG,
+    RAISE,
+    SEGFAULT,
+    SHIFT,
+    alive,
+    drained,
+    engine_file,
+    jobs,
+    key_of_drawn,
+    kinds,
+    settled,
+)
 
 NIGHT = 11
 COUNT = 6
@@ -30,12 +43,7 @@ COUNT = 6
 
 def checked(workers: Workers, count: int = COUNT, batch: int = 3) -> dict[str, dict[str, Any]]:
     """Return the records of the first scenes by key, none twice."""
-    records = []
-    todo = jobs(NIGHT, count)
-    for k in range(0, count, batch):
-        workers.submit(todo[k : k + batch])
-    while workers.pending:
-        records += list(workers.results())
+    records = list(drained(workers, jobs(NIGHT, count), batch))
     by_key = {record.key: settled(record) for record in records}
     assert len(by_key) == len(records)
     return by_key
@@ -153,8 +161,7 @@ def test_the_server_that_forks_workers_may_be_killed_with_them(tmp_path, undistu
         os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
         for process in workers.busy:
             os.kill(process.process.pid, signal.SIGKILL)
-        while workers.pending:
-            records += list(workers.results())
+        records += drained(workers)
 
     assert {r.key: settled(r) for r in records} == undisturbed
     assert (len(records), workers.unexplained) == (COUNT, [])
@@ -197,8 +204,7 @@ def test_scenes_that_nobody_has_begun_with_can_be_dropped():
             workers.submit([job])
         first = list(workers.results())
         workers.drop_waiting()
-        while workers.pending:
-            first += list(workers.results())
+        first += drained(workers)
 
     assert len(first) == 1
 

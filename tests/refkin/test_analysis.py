@@ -11,6 +11,7 @@ import refkin
 from refkin import Polynomial, Sinusoid, SliderCrank, Status, compile_system, fast
 from refkin.analysis import acceleration, estimate_of, march, position, sweep, velocity
 from refkin.joints import Constraint
+from refkin.motion import point_motion
 from tests.linkages import ROCKER, remade, system_of
 
 ENGINE = SliderCrank(crank=1.0, rod=3.0, offset=0.4)
@@ -132,3 +133,19 @@ def test_a_pose_has_as_many_coordinates_as_its_system(q):
 def test_what_a_system_is_compiled_for_is_named(key, value):
     with pytest.raises(TypeError, match=f"{key}: expected a .*, got a {type(value).__name__}"):
         compile_system(ROCKER.scene(samples=2).mechanism, **{key: value})
+
+
+def test_no_answer_stays_no_answer():
+    """NaN where a body's pose is not known."""
+    q = np.array([[0.0, np.nan], [0.0, np.nan], [0.0, np.nan]])
+    motion = point_motion((1.0, 0.0), q, q, q)
+
+    assert np.isnan(motion.a[:, 1]).all()
+    assert not np.isnan(motion.a[:, 0]).any()
+
+
+def test_rates_that_are_not_given_are_not_reported():
+    q = np.zeros((3, 2))
+
+    assert point_motion((1.0, 0.0), q).v is None
+    assert point_motion((1.0, 0.0), q, q).a is None

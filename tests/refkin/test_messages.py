@@ -126,7 +126,7 @@ ELSEWHERE = {
         "test_hostile_scenes.py: too_many_to_certify"
     ),
     "{}: no error bound covers all of them": "test_hostile_scenes.py: too_many_choices",
-    "solving {} at {} times": "test_patience.py: a_solve_that_takes_long_says_so",
+    "solving {} at {} times": "test_limits.py: a_solve_that_takes_long_says_so",
 }
 """Sentence -> the file, and a part of the name, of the test that is about it."""
 PAIRS = ((5.0, 30.0, 0.0), (-2.0, 30.0, -2.0), (-2.0, 30.0, 3.0))

@@ -1,7 +1,8 @@
-"""Scenes that are made of objects instead of read from a file: rows of any kind, and what is no number."""
+"""Scenes that are made of objects instead of read from a file: rows of any kind, what is no number, their size."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from decimal import Decimal
 from pathlib import Path
@@ -12,6 +13,8 @@ import pytest
 import refkin
 import refkin.scenes.files
 from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Table
+from refkin.joints import Gear
+from refkin.model import _diameter
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -172,3 +175,33 @@ def test_so_many_times_have_no_scene(samples):
     bars = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.0, rocker=3.0)
     with pytest.raises(refkin.InvalidScene, match="samples: expected a whole number from 2 to 10000000"):
         bars.scene(samples=samples)
+
+
+COUNT = 200
+DRAW = np.random.default_rng(2)
+CLOUDS = {
+    "scattered": DRAW.normal(size=(COUNT, 2)),
+    "on a line": np.stack([DRAW.uniform(size=COUNT), np.full(COUNT, 0.5)], axis=1),
+    "upright": np.stack([np.full(COUNT, 0.5), DRAW.uniform(size=COUNT)], axis=1),
+    "few places": DRAW.integers(0, 3, size=(COUNT, 2)).astype(float),
+    "on a circle": np.stack([np.cos(np.arange(COUNT)), np.sin(np.arange(COUNT))], axis=1),
+    "one place": np.ones((COUNT, 2)),
+}
+
+
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_the_largest_distance_is_that_of_all_pairs(cloud):
+    points = [tuple(p) for p in CLOUDS[cloud].tolist()]
+
+    assert _diameter(points) == pytest.approx(max(math.dist(a, b) for a in points for b in points), rel=1e-15, abs=0.0)
+
+
+@pytest.mark.parametrize(("first", "second"), [(-0.3, 7.9), (-7.9, 0.3)])
+def test_a_gear_brings_the_larger_of_its_radii(first, second):
+    wheels = Gear(name="teeth", body_i="a", radius_i=first, body_j="b", radius_j=second)
+    axes = tuple(
+        Revolute(name=f"axis {k}", body_i="ground", point_i=(0.0, 0.0), body_j=k, point_j=(0.0, 0.0)) for k in "ab"
+    )
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(0.0, 1.0)))
+
+    assert Mechanism((Body(name="a"), Body(name="b")), (*axes, wheels), (motor,)).size() == 8.0

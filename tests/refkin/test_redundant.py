@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+import refkin
 from refkin import fast
+from refkin.analysis import sweep
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Table
 from refkin.proof.numbers import inputs
 from refkin.proof.numbers.preconditioned import Preconditioned
+from refkin.proof.path.tracing import TraceEnd
 from refkin.proof.pose import choices
 from refkin.proof.pose.certificate import certify, unique_within
 from refkin.proof.pose.isolate import isolate
 from refkin.scenes.files import load
-from refkin.scenes.linkages import Branch, FourBar
+from refkin.scenes.linkages import Bennett, Branch, FourBar
 from refkin.solving.mobility import mobility, rank_of
 from refkin.solving.solve import solve
 from refkin.solving.sweep import Sweep
@@ -347,3 +350,45 @@ def test_what_an_inverse_leaves_of_a_body_at_rest_contradicts_nothing(monkeypatc
     ratio = inputs.rate_contradiction(system, np.array([0, 1, 2, 3, 6, 7]), q, np.array(TIMES), False)[0]
 
     assert ((ratio > 0.1) & (ratio <= 1.0)).all()
+
+
+LINKAGE = Bennett(1.0, 0.7, 1.2)
+
+
+def loop() -> Scene:
+    """Return a loop of four revolutes that closes at its first pose alone: three of them have any other axes there."""
+    numbers, scene = np.random.default_rng(0), LINKAGE.scene(start=0.4, samples=2)
+    first = refkin.solve(replace(scene, times=scene.times[:1]))
+    joints: list[Any] = [scene.mechanism.joints[0]]
+    for joint in scene.mechanism.joints[1:]:
+        axis, other, point = numbers.normal(size=(3, 3))
+        axis /= np.linalg.norm(axis)
+        zero = np.cross(axis, other) / np.linalg.norm(np.cross(axis, other))
+        own = {}
+        for side, body in (("i", joint.body_i), ("j", joint.body_j)):  # type: ignore[attr-defined]
+            r, a = (np.zeros(3), np.eye(3)) if body == "ground" else (first[body].q[:3, 0], _turned(first[body]))
+            for key, of in (("point", a.T @ (point - r)), ("axis", a.T @ axis), ("zero", a.T @ zero)):
+                own[f"{key}_{side}"] = tuple(of.tolist())
+        joints.append(replace(joint, **own))
+    mechanism = replace(scene.mechanism, joints=tuple(joints))
+    return replace(scene, mechanism=mechanism, effects=frozenset())
+
+
+def _turned(body: Any) -> Any:
+    return np.asarray(body.rotation).reshape(3, 3)
+
+
+def test_a_loop_that_cannot_move_is_not_swept_along_least_squares_to_where_it_closes_again() -> None:
+    """The driver turns once around: the second pose is the first, and there is none on the way."""
+    motion = refkin.solve(loop())
+
+    assert motion.status == (Status.OK, Status.BRANCH_LOST)
+    assert sweep(loop()).status == motion.status  # the plain one stepped along them for minutes
+
+
+def test_a_path_of_a_loop_that_cannot_move_stops_where_it_starts() -> None:
+    path = refkin.follow(loop())
+
+    assert path.end is TraceEnd.STOPPED
+    assert np.max(path.residual) <= 1e-9
+    assert np.max(np.abs(path.t - path.t[0])) < 1e-6
