@@ -723,18 +723,6 @@ def test_least_squares_of_rows_that_weigh_otherwise_are_within_what_redundant_ro
     assert np.max(off) < ref.propagation.weights
 
 
-@pytest.mark.parametrize(
-    ("scene", "engine"),
-    [("space-bennett-stopped-early.toml", "exudyn"), ("space-bennett-closed-form.toml", "closed_form")],
-)
-def test_a_residual_that_redundant_rows_leave_explains_the_rates_of_rows_that_weigh_otherwise(scene, engine):
-    assert check(refkin.load(CORPUS / scene), [engine]).disagreements == []
-
-
-def test_rows_that_become_dependent_on_the_way_lose_no_rates():
-    assert check(refkin.load(CORPUS / "space-bennett-by-the-program.toml"), ["refkin-batch"]).disagreements == []
-
-
 def test_signs_of_euler_parameters_go_on_from_row_to_row_past_those_that_are_not_there():
     angles = np.linspace(0.0, 4.0 * np.pi, 25)
     smooth = np.stack([np.cos(angles / 2), 0.6 * np.sin(angles / 2), 0.0 * angles, 0.8 * np.sin(angles / 2)], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import pairwise
+from itertools import product as every
 from pathlib import Path
 
 import numpy as np
@@ -281,14 +282,19 @@ FOUND = (
     *("space-estimate-a-turn-away.toml", "space-hinge-far-out.toml"),
     *("space-screw-of-small-pitch.toml", "space-slide-far-along-x.toml"),
 )
+WRONGED = [
+    *every(FOUND, ENGINES),
+    # A residual that redundant rows leave explains the rates of rows that weigh otherwise.
+    ("space-bennett-stopped-early.toml", "exudyn"),
+    ("space-bennett-closed-form.toml", "closed_form"),
+    # Rows that become dependent on the way lose no rates.
+    ("space-bennett-by-the-program.toml", "refkin-batch"),
+]
 
 
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "closed_form"])
-@pytest.mark.parametrize("name", FOUND)
-def test_a_scene_in_which_engines_were_wronged_is_answered_right(engine: str, name: str) -> None:
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / name)
-
-    assert [str(seen) for seen in check(scene, [engine]).disagreements] == []
+@pytest.mark.parametrize(("name", "engine"), WRONGED)
+def test_a_scene_in_which_engines_were_wronged_is_answered_right(name: str, engine: str) -> None:
+    assert [str(seen) for seen in check(refkin.load(CORPUS / name), [engine]).disagreements] == []
 
 
 @pytest.mark.parametrize("turns", [7, -2])
