@@ -9,8 +9,9 @@ from typing import Any
 from rich.table import Table
 
 from crosscheck.commands.usage import console, table
-from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available, unknown
-from crosscheck.engines import load as load_engine
+from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support
+from crosscheck.engines.loading import available, unknown
+from crosscheck.engines.loading import load as load_engine
 from crosscheck.errors import PASS, UsageError, quoted
 from crosscheck.judge.records import QUANTITIES, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome

@@ -28,11 +28,11 @@ from crosscheck.engines import (
     Level,
     Term,
     all_of,
-    load,
     refusals,
     refuse,
     terms_of,
 )
+from crosscheck.engines.loading import load
 from crosscheck.engines.undisturbed import quiet
 from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
@@ -289,7 +289,7 @@ def one_by_one(
 
 
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
-    """Return the methods of a producer: one of `OURS`, what `crosscheck.engines.load` takes, or an engine.
+    """Return the methods of a producer: one of `OURS`, what `engines.loading.load` takes, or an engine.
 
     Given a `use`, only those that are measured for it. EngineError if there is no such producer, or its package is
     missing.

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints, terms_of
+from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, refused_joints, terms_of
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Method, Use, copied, methods
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.errors import kept

@@ -9,7 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, load, refused_joints
+from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, refused_joints
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Use, copied, methods, motion_of
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.delivery import granted

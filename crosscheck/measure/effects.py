@@ -119,7 +119,7 @@ def ablations(method: Method, scene: Scene, only: str = "") -> Ablations:
 def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[EffectRow]:
     """Return the rows of one engine, or of one effect alone.
 
-    Asked with a scene's data, what `crosscheck.engines.load` takes, how long to measure, and an effect, "" for all.
+    Asked with a scene's data, what `engines.loading.load` takes, how long to measure, and an effect, "" for all.
     """
     data, spec, within, effect = asked
     scene = parse(data)
@@ -255,7 +255,7 @@ def effects_ledger(
     scene : Scene
         What it calls for is of no account: everything is switched on and off in turn.
     engines : sequence of str
-        What `crosscheck.engines.load` takes. One after the other, so that none disturbs the timings of another.
+        What `engines.loading.load` takes. One after the other, so that none disturbs the timings of another.
     within : float
         How long to measure in all [s]; solving everything once comes on top.
     tell : callable

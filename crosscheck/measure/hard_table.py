@@ -40,7 +40,7 @@ def listed(spec: str) -> list[tuple[str, str, str]] | EngineError:
 def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
     """Return the outcome of one method on one case, and what there is to say of it. Runs in another process.
 
-    The job is what `crosscheck.engines.load` takes, name and setting of a method, and a case's key.
+    The job is what `engines.loading.load` takes, name and setting of a method, and a case's key.
     """
     spec, name, setting, key = job
     case, system, truth = _known(key)
@@ -135,7 +135,7 @@ def hard_case_rows(
     Parameters
     ----------
     engines : sequence of str
-        What `crosscheck.engines.load` takes, or "refkin" for the reference itself.
+        What `engines.loading.load` takes, or "refkin" for the reference itself.
     within : float, optional
         After this many seconds no further case is begun, for any engine. Of each kind the nearest case comes first,
         then the farthest, then what lies between: what is left out is neither the easiest nor the hardest.

@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
-from crosscheck.engines import Engine, load
+from crosscheck.engines import Engine
+from crosscheck.engines.loading import load
 from crosscheck.engines.undisturbed import undisturbed
 from crosscheck.judge.records import Cause, Record
 from crosscheck.measure.check import check, ended, key_of

@@ -165,7 +165,7 @@ def hunt(
     Parameters
     ----------
     engines : mapping
-        Name -> what `crosscheck.engines.load` takes for it.
+        Name -> what `engines.loading.load` takes for it.
     seconds : float
         After this long no further scene is checked, but for those to begin with.
     seed_of_hunt : int

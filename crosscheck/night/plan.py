@@ -141,7 +141,7 @@ OUTCOME, GOLDEN, PICTURES, TRENDS = "outcome.json", "golden.json", "pictures.jso
 class NightPlan:
     """What a night is asked to do; `minutes` and `scenes` end it, whichever comes first.
 
-    `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
+    `engines` and `required` are names, or what else `engines.loading.load` takes; `cluster` is where the workers are
     if they are not processes of this run (see `crosscheck.workers.cluster`); `scene_seconds` is after how long on one
     scene a worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all;
     `known_gaps` chooses the table of `crosscheck.judge.known_gaps.table`; `baseline` is the file of the golden set,
@@ -166,7 +166,7 @@ class NightPlan:
 class NightOutcome(Strict):
     """How a night ended.
 
-    `versions` has the engines that could be loaded, `engines` what `crosscheck.engines.load` takes for each, `missing`
+    `versions` has the engines that could be loaded, `engines` what `engines.loading.load` takes for each, `missing`
     why the others could not; `required` are those without which the night could not run: the required ones, or all if
     none could be loaded. `checked` counts scenes with a record, those of an earlier part of a resumed run included;
     `failed` says what went wrong with the run itself, `new` are the disagreements that no known gap accounts for.

@@ -63,7 +63,7 @@ def write_sections(
     folder : Path
         The folder of the run.
     engines : mapping
-        Name -> what `crosscheck.engines.load` takes for it.
+        Name -> what `engines.loading.load` takes for it.
     left_out : collection of str
         Names of those that are not asked.
     seconds : float
@@ -112,7 +112,7 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
     seed : int
         By which its scenes were drawn.
     engines : mapping
-        Name -> what `crosscheck.engines.load` takes for it.
+        Name -> what `engines.loading.load` takes for it.
     seconds : float
         After this long no further scene is pictured.
     """

@@ -161,7 +161,7 @@ def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], sec
     jobs : sequence of mapping
         The scenes.
     engines : mapping
-        Name -> what `crosscheck.engines.load` takes for it.
+        Name -> what `engines.loading.load` takes for it.
     seconds : float
         How long a scene may take.
     """

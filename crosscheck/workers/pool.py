@@ -129,7 +129,7 @@ class Pool(Protocol):
 class Workers(Pool):
     """Some worker processes; use it as a context manager.
 
-    By their names `engines` are what `crosscheck.engines.load` takes. After so many seconds on one job a process is
+    By their names `engines` are what `engines.loading.load` takes. After so many seconds on one job a process is
     ended. Failures that were none when their jobs were taken apart are `unexplained`.
     """
 
@@ -264,7 +264,7 @@ def _tried(spec: str) -> tuple[str, str] | str:
 
 def name_and_version(spec: str) -> tuple[str, str]:
     """Return what an engine calls itself, and its version."""
-    from crosscheck.engines import load
+    from crosscheck.engines.loading import load
 
     engine = load(spec)
     return engine.name, engine.version()

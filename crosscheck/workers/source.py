@@ -35,7 +35,7 @@ def files_of(engines: Mapping[str, str]) -> dict[str, str]:
     Parameters
     ----------
     engines : mapping
-        Name -> what `crosscheck.engines.load` takes for it.
+        Name -> what `engines.loading.load` takes for it.
     """
     files = {f"file of {name}": Path(spec.rpartition(":")[0]) for name, spec in engines.items()}
     found = {key: path for key, path in files.items() if path.suffix == ".py" and path.is_file()}

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Level, load
+from crosscheck.engines import Level
+from crosscheck.engines.loading import load
 from refkin import joints
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Sinusoid

@@ -27,7 +27,8 @@ from crosscheck.commands import nightly as nights
 from crosscheck.commands import usage
 from crosscheck.commands.solve import solve
 from crosscheck.commands.usage import shown_progress
-from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines import EngineRefusal
+from crosscheck.engines.loading import load
 from crosscheck.errors import Terminated
 from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import load as load_scene

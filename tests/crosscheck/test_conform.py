@@ -11,8 +11,9 @@ import pytest
 
 import refkin
 from crosscheck.commands.replay import lines
-from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level, load
+from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level
 from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.engines.loading import load
 from crosscheck.judge.known_gaps import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check

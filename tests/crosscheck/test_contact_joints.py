@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.engines import Level, load, refusals, refused_joints
+from crosscheck.engines import Level, refusals, refused_joints
 from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.model import Plan
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check

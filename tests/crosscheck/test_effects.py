@@ -14,7 +14,7 @@ import pytest
 
 from crosscheck.cli import main
 from crosscheck.commands.bench import absent_lines, felt_lines, ledger_table
-from crosscheck.engines import load
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.changes import _difference, same_bits
 from crosscheck.judge.comparison import reference

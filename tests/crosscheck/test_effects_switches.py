@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosscheck.engines import load
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.integration import EFFECTS as EXUDYN
 from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.features import EFFECTS as MUJOCO
 from crosscheck.engines.mujoco.features import affected as affected_plan
 from crosscheck.engines.mujoco.model import Plan, mujoco

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, load, march
+from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, march
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.engine import TreeRows
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.poses import Tabulated

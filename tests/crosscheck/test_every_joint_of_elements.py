@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines.loading import load
 from crosscheck.engines.march import march
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SpaceScene, estimates

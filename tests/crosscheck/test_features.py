@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 
 import refkin
-from crosscheck.engines import PEERS, load
+from crosscheck.engines import PEERS
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.engines.mujoco.features import Sites
 from crosscheck.engines.pinocchio import features as of_pinocchio

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import EngineError, load
+from crosscheck.engines import EngineError
+from crosscheck.engines.loading import load
 from crosscheck.judge.hard_poses import (
     GRANTED,
     PoseSample,

@@ -12,7 +12,8 @@ import pinocchio as pin
 import pytest
 
 import refkin
-from crosscheck.engines import PEERS, load
+from crosscheck.engines import PEERS
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import methods
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import EngineError, load
+from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.engine import Exudyn
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import ORDERS, Use, methods, of_routes
 from crosscheck.scenes.drawing import draw
 from refkin.model import Effect

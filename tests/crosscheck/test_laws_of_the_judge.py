@@ -16,10 +16,11 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import refkin
-from crosscheck.engines import EngineError, Level, Term, load
+from crosscheck.engines import EngineError, Level, Term
 from crosscheck.engines.exudyn.solve import solved as solved_or_not
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, SineRow
+from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.reading import Hold
 from crosscheck.engines.spatial.turning import (

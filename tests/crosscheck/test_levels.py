@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import Level, load
+from crosscheck.engines import Level
 from crosscheck.engines.frames import Linear
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.judge.levels import (
     LEVELS,

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, load, poses
+from crosscheck.engines import EngineError, poses
 from crosscheck.engines import march as continuation
+from crosscheck.engines.loading import load
 from crosscheck.engines.march import MarchResult, march
 from crosscheck.engines.mujoco import model as mujoco_model
 from crosscheck.engines.poses import EPS, Poses, close, solve

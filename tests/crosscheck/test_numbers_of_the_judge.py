@@ -10,7 +10,8 @@ import pytest
 from flint import arb
 
 import refkin
-from crosscheck.engines import Level, load
+from crosscheck.engines import Level
+from crosscheck.engines.loading import load
 from crosscheck.judge import levels
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level, Term, load
+from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level, Term
 from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import of_routes
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import ABSOLUTE, granted

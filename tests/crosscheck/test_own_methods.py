@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck.engines import EngineError, load
+from crosscheck.engines import EngineError
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause, read_records

@@ -10,7 +10,8 @@ import pytest
 import crosscheck
 import refkin
 from crosscheck import engines
-from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines import EngineRefusal
+from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import POINTED, draw

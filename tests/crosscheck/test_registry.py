@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from crosscheck import engines
-from crosscheck.engines import GROUP, PEERS, QUANTITIES, EngineError, EngineRefusal
+from crosscheck.engines import PEERS, QUANTITIES, EngineError, EngineRefusal, loading
+from crosscheck.engines.loading import GROUP
 from crosscheck.engines.methods import ORDERS, PRICED, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
@@ -46,12 +46,12 @@ def test_engines_of_ours_are_found_without_a_look_at_other_packages_and_others_w
 ):
     here = "crosscheck.engines.closed_form.engine:ClosedForm"
     for points in [(), (EntryPoint("two_circles", "own:TwoCircles", GROUP), EntryPoint("closed_form", here, GROUP))]:
-        monkeypatch.setattr(engines, "entry_points", lambda group, points=points: points)
+        monkeypatch.setattr(loading, "entry_points", lambda group, points=points: points)
         with pytest.raises(EngineError, match="cannot be imported" if points else "no engine is called"):
-            engines.load("two_circles")
-    monkeypatch.delattr(engines, "entry_points")
+            loading.load("two_circles")
+    monkeypatch.delattr(loading, "entry_points")
 
-    assert engines.load("closed_form").name == "closed_form"
+    assert loading.load("closed_form").name == "closed_form"
 
 
 def test_it_is_compared():

@@ -11,10 +11,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from crosscheck.engines import ELEMENTS, OF_SPACE, EngineError, Level, Support, load, refusals
+from crosscheck.engines import ELEMENTS, OF_SPACE, EngineError, Level, Support, refusals
 from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.exudyn import readings as exudyn_readings
 from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.model import Driven, Plan
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.pinocchio import engine as pinocchio_engine

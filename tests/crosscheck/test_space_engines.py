@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines import EngineRefusal
 from crosscheck.engines.closed_form.engine import _frames
 from crosscheck.engines.closed_form.jets import Floats, Jet, on_circle
 from crosscheck.engines.closed_form.space import BETWEEN, SpatialAssembly
 from crosscheck.engines.closed_form.space_motion import _lowest_between, _proved_absent
 from crosscheck.engines.closed_form.space_vectors import least_squares
 from crosscheck.engines.exudyn.space_solve import SpaceEquations
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.motion import SpaceScene

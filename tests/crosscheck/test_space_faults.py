@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
 from crosscheck.engines.exudyn import space as exudyn_space
+from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco import space as mujoco_space
 from crosscheck.engines.pinocchio import space as pinocchio_space
 from crosscheck.engines.spatial import motion, reading, system, tree, turning

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import PoseSample, samples, scene_truths, truths

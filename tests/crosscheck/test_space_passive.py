@@ -9,7 +9,8 @@ from itertools import product as pairs
 import numpy as np
 import pytest
 
-from crosscheck.engines import Level, load, refused_joints
+from crosscheck.engines import Level, refused_joints
+from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.kinds import JointKind
 from crosscheck.engines.spatial.passive import _feels, _in_other, _lines, _on, spins
 from crosscheck.engines.spatial.reading import Hold, numbers_of

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines import EngineRefusal
+from crosscheck.engines.loading import load
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DisplacementDriver

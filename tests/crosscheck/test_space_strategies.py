@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from crosscheck.engines import load
 from crosscheck.engines.closed_form.jets import Floats
 from crosscheck.engines.closed_form.space import SpatialAssembly
+from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.motion import estimates
 from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.judge.comparison import reference

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines.loading import load
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.uncompared import opening, unclosed
