@@ -21,9 +21,11 @@ from refkin import (
     SpatialRevolute,
     Spherical,
     Status,
+    Table,
     Universal,
+    compile_system,
 )
-from refkin.proof.path.curve import Crossing, common_roots
+from refkin.proof.path.curve import Crossing, Curve, common_roots, crossing
 from refkin.proof.path.tracing import TraceEnd
 from tests.linkages import remade
 from tests.refkin.test_mobility import parallelogram
@@ -50,6 +52,18 @@ def stacked(bases, later=0.0):
     bodies = tuple(Body(name=name, estimate=q) for name, q in link.items())
     crank = AngleDriver(name="crank", body="bar 0", law=Polynomial(coefficients=(0.0, 1.0)))
     return Scene(mechanism=Mechanism(bodies, tuple(joints), (crank,)), times=(-0.5, 0.5), name="stacked")
+
+
+def test_where_several_rows_depend_beyond_the_end_of_a_table_there_is_no_crossing():
+    """The law has no numbers there: the step that leads to it is not taken."""
+    given = stacked((3.0, 2.0)).mechanism
+    arguments = (-0.5, -0.2, -0.1, -1e-5)
+    crank = replace(given.drivers[0], law=Table(argument=arguments, value=arguments))
+    scene = Scene(mechanism=replace(given, drivers=(crank,)), times=(-0.5, -1e-4))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, -1])
+    curve = Curve.through(system, q, [-0.5, -1e-4])
+    assert crossing(curve, curve.point(q, -1e-4)) is None
 
 
 @pytest.mark.parametrize("bases", [(3.0, 2.0), (3.0, 2.0, 2.5)])

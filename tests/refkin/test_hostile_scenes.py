@@ -43,11 +43,6 @@ def test_the_fast_sweep_goes_by_way_of_a_pulse_in_a_table():
     assert motion.status == (OK, LOST, LOST)
 
 
-def test_a_crossing_that_is_sought_far_beyond_all_numbers_is_none():
-    """It ended in an error of the linear algebra."""
-    assert refkin.solve(scene("a-crossing-beside-a-linkage-a-million-times-larger.toml")).status == (OK, OK, OK)
-
-
 @pytest.mark.parametrize(
     ("name", "statuses"),
     [

@@ -239,7 +239,7 @@ def _of_many(curve: Curve, guess: Any, rows: Any, count: int) -> Crossing | None
     x = guess
     for _ in range(12):
         first = curve.slope(x)[rows]
-        if not np.isfinite(first).all():  # it runs away: no such point is near
+        if not np.isfinite(first).all():  # it runs away, or beyond the end of a table
             return None
         left, _, directions = np.linalg.svd(first)
         psis, null = left[:, -count:].T, directions[-count - 1 :].T
