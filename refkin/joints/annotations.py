@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -48,7 +48,7 @@ def type_faults(path: str, item: Any) -> Iterator[Fault]:
             x, count = getattr(item, key.name), _expected(item.__class__).get(key.name, 0)
             if _is_instance(x):
                 yield from type_faults(f"{path}.{key.name}", x)
-            elif count and not _held(x, count) and (x is not None or key.default is MISSING):
+            elif count and not _held(x, count) and not (x is key.default is None):
                 words = " or ".join(map(repr, count)) if isinstance(count, tuple) else f"a row of {count} numbers"
                 words = {1: "a number", -1: "a row of numbers"}.get(count, words)
                 yield Fault(f"{path}.{key.name}", x, words)

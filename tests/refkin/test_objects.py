@@ -12,7 +12,7 @@ import pytest
 
 import refkin
 import refkin.scenes.files
-from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Table
+from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Sinusoid, Table
 from refkin.joints import Gear
 from refkin.model import _diameter
 
@@ -78,6 +78,9 @@ WRONG = {
         law=Polynomial(coefficients=2.0)
     ),
     "driver[0].law: expected a law, got 'abc'": lambda: mechanism(law="abc"),
+    "driver[0].law.offset: expected a number\n": lambda: mechanism(
+        law=Sinusoid(amplitude=1.0, angular_frequency=1.0, offset=None)
+    ),
     "joint[0].point_i: expected a row of 2 numbers, got (np.float32(nan), 0.2)": lambda: mechanism(
         pin=(np.float32("nan"), 0.2)
     ),
