@@ -362,7 +362,7 @@ def _numbers(value: Any, *shape: int) -> bool:
     """Whether a value is made of real numbers, none of them NaN, and has a shape."""
     try:
         given = np.asarray(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
     return given.shape == shape and not np.isnan(given).any()
 

@@ -260,6 +260,7 @@ def test_all_faults_of_a_linkage_come_at_once():
         ({"samples": 1}, "samples"),
         ({"samples": 3.5}, "samples"),
         ({"start": math.inf}, "start"),
+        ({"start": 10**400}, "start"),
         ({"branch": "up"}, "branch"),
         ({"driven": "slider"}, "driven"),
         ({"effects": ["speed"]}, "effects"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
@@ -30,6 +31,7 @@ Pose = dict[str, tuple[float, float, float]]
 AnyPose = TypeVar("AnyPose", bound=tuple[float, ...])
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
+LARGEST = sys.float_info.max
 CLOSED_FORM = Route(name="closed form", residual_by="closed form")
 AMember = TypeVar("AMember", bound=Member)
 
@@ -405,5 +407,5 @@ def law_and_times(
 
 
 def is_finite(value: object) -> bool:
-    """Return whether a value is a finite number."""
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    """Return whether a value is a number that float64 holds."""
+    return isinstance(value, Real) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST  # type: ignore[operator]
