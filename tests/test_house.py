@@ -156,7 +156,7 @@ def test_every_exported_name_exists(package):
 AROUND = {
     "refkin": {"import_module", "globals"},  # the face hands on what it is asked for by name
     "refkin.fast.elimination.program": {"exec"},  # the instruction list as a function
-    "crosscheck.engines.loading": {"import_module", "spec_from_file_location", "exec_module", "modules"},  # engines of a user's
+    "crosscheck.engines.loading": {"import_module", "spec_from_file_location", "exec_module", "modules"},  # a user's
     "crosscheck.engines.methods": {"import_module"},
     "crosscheck.engines.undisturbed": {"builtins", "modules"},  # compares what an engine may have changed
     "crosscheck.documents.ledger.judging": {"import_module"},  # the rows of the ledger name their functions
