@@ -40,7 +40,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.parts import by_part, parts_of
+from crosscheck.judge.parts import by_part, links_of, parts_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from crosscheck.scenes.names import QUANTITIES
 from refkin.analysis import acceleration, velocity
@@ -476,9 +476,9 @@ def _steepest(steps: Any, periodic: bool) -> Any:
 def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
-    A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
-    rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. The bodies are
-    those of one part. In metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
+    A pose at the end of a chain is a sum of arms of one size, one per body or massless link, and of the angles of the
+    others, each rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. All
+    are of one part. In metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
 
     Parameters
     ----------
@@ -487,7 +487,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
         The solution, in the system's coordinates.
     """
     own, metres = parts_of(system).coordinates, np.abs(system.to_physical(q))
-    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width
+    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links_of(system)[own][:, None]
     is_angle = system.angles[:, None]
     largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
     position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.joints import PointDistance, SpatialPointDistance, elements_of
 from refkin.system import ConstraintRows, System
 
 
@@ -40,6 +41,15 @@ def parts_of(system: System) -> Parts:
         rows[p.row : p.row + p.constraint.rows] = coordinates[own[0]] if own else 0
     counts = [np.bincount(x, minlength=len(known)) for x in (rows, coordinates)]
     return Parts(rows, coordinates) if np.array_equal(counts[0], counts[1]) else Parts(0 * rows, 0 * coordinates)
+
+
+def links_of(system: System) -> Any:
+    """Return how many massless links each part has, distances that no law changes."""
+    rows, links = parts_of(system).rows, np.zeros(system.n, int)
+    for p in system.placed:
+        kinds = elements_of([p.constraint])
+        links[rows[p.row]] += any(isinstance(e, PointDistance | SpatialPointDistance) and not e.laws for e in kinds)
+    return links
 
 
 def by_part(f: Callable[[Any], Any], values: Any, of: Any, to: Any) -> Any:

@@ -63,7 +63,7 @@ from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.judge.uncompared import unclosed
 from crosscheck.measure.check import check
-from refkin import FourBar, Polynomial, Table, compile_system
+from refkin import Distance, FourBar, Polynomial, Table, compile_system
 from refkin.motion import Status
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.bounded import Times
@@ -212,6 +212,17 @@ def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_o
     assert x[:, 0] / (6 * U) == pytest.approx(expected)
     assert v / (6 * U) == pytest.approx(3 * 7.0)
     assert a / (6 * U) == pytest.approx(3 * (11.0 + 49.0))
+
+
+def test_a_massless_link_is_an_arm_as_a_body_is():
+    """The end of a rod on a massless crank is a sum of both: Pinocchio's was off by 1.4 times what one arm was allowed."""
+    mechanism = refkin.load(CORPUS / "massless-link-near-limit.toml").mechanism
+    system = compile_system(mechanism, unit=mechanism.unit())
+    still, turning = np.zeros((2, system.n, 1)) + [[[0.0]], [[1.0]]]
+    links = sum(isinstance(joint, Distance) for joint in mechanism.joints)
+
+    assert links == 1
+    assert output_rounding(system, still, turning, still)[1] / (6 * U) == pytest.approx(len(mechanism.bodies) + links)
 
 
 def off_the_exact(law, times, order):
