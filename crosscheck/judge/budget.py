@@ -12,18 +12,11 @@ The rows err independently, so the largest move takes the absolute values of the
 pose that is wrong by one row's error is wrong in all its coordinates together, and what that does to the rates cancels
 for the most part. Taken factor by factor it does not, and allows up to 1e5 times too much. A frame far from its joints
 is no different: its large arms stand in A and S alike, and cancel in A S A, as they would in recentred frames. To this
-comes the rounding of the answer itself (`output_rounding`). Where an error is beyond first order its square is asked
-for, too (`Propagation.second_order`): it counts where the first order cancels, as of a body that is hardly moved by
-what turns others fast.
+comes the rounding of the answer itself. Where an error is beyond first order its square is asked for, too: it counts
+where the first order cancels, as of a body that is hardly moved by what turns others fast.
 
-The e are running-error bounds of the formulas (`running_error`) with coordinates that are rounded to u |q|: no float64
-code is told more. `SAFETY` covers that an engine evaluates the same closure by other formulas: in space (products of
-three terms instead of two) and down a chain of frames (each pose composed of two before it), which is at most 2 * 2
-times the operations. The other side of a comparison, the reference, is off by no more than its certified radius, and no
-more than an engine without terms; the smaller is added, component by component. Velocity and acceleration are
-solutions of linear systems: LU adds a backward error, a residual whose two-norm is n u of the largest row of |J| |x|
-(`solve_error`). That and all else of which only the largest counts is of each part of the mechanism by itself
-(`crosscheck.judge.parts`).
+The e are what rounding leaves (`rounding`). The other side of a comparison, the reference, is off by no more than its
+certified radius, and no more than an engine without terms; the smaller is added, component by component.
 
 What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason. Where
 it leaves that in rows of another form, y = M(q) phi, its rates satisfy y' = M phi' + M' phi = 0, and not phi' = 0: so
@@ -40,25 +33,27 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.parts import by_part, links_of, parts_of
-from crosscheck.judge.running_error import Running, U, off_by, parts, running
+from crosscheck.judge.parts import by_part, parts_of
+from crosscheck.judge.rounding import (
+    largest,
+    output_rounding,
+    rate_rows,
+    residual_error,
+    solve_error,
+    table_error,
+    times,
+)
 from crosscheck.scenes.names import QUANTITIES
 from refkin.analysis import acceleration, velocity
 from refkin.motion import Motion, Status
-from refkin.motion_laws import Table
 from refkin.newton import solve_linear
-from refkin.proof.numbers.bounded import Times, bounded_system
+from refkin.proof.numbers.bounded import Times
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
 
-SAFETY = 4.0
 BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
-SOME, UNEVEN = 32.0, 4.0
-"""Of a spline and its derivatives, where no step is more than so many times another: two roundings of a difference, a
-factor 3 for the solve, 4 terms of the cubic, rounded up. The worst tables that were searched for have 3.4, 3.4 and 8.1
-times as much in value and derivatives; the whole budget was seen to bear the last."""
 CORRECTIONS = 4
 """Newton corrections to a pose whose residual changes J by less than `TENTH`: its eighth power is left of it."""
 TENTH = 0.1
@@ -97,7 +92,7 @@ class Carried:
 
     def of(self, level: int, error: Any) -> list[Any]:
         """Return what errors (m, T) of the residual of one level alone do to the levels from its own on."""
-        return [_times(matrix, error) for matrix in (self.phi, self.nu, self.gamma)[level]]
+        return [times(matrix, error) for matrix in (self.phi, self.nu, self.gamma)[level]]
 
     def of_norm(self, in_nu: Any, in_gamma: Any) -> list[Any]:
         """Return what residuals do to the three levels of which each part's norms are known, (n, T)."""
@@ -219,7 +214,7 @@ class Propagation:
 
     def _judged(self, dq: Any) -> Any:
         """Return (count,) whether first order says enough where a position is off by dq (n, T)."""
-        enough = _times(self.carried.bend[None], dq)[0] < TENTH
+        enough = times(self.carried.bend[None], dq)[0] < TENTH
         if not enough.all():  # bounds of each coordinate's part may say too much together
             far = ~enough
             inverse, q = self.carried.phi[0][..., far], self.levels[0][:, far]
@@ -280,57 +275,6 @@ def times_with(motion: Motion, status: Status) -> Any:
     return np.array([s is status for s in motion.status], bool)
 
 
-def residual_error(system: System, q: Any, t: Any) -> Any:
-    """Return what the formulas leave of the residual (m, T) at rounded coordinates, tables aside.
-
-    Parameters
-    ----------
-    system : System
-    q : (n, T) array
-        Poses, in the system's coordinates.
-    t : (T,) array
-        Times [s].
-    """
-    return SAFETY * parts(system.phi(running(q, U * np.abs(q)), Running(t)), t.shape)[1]
-
-
-@dataclass(frozen=True)
-class RateRows:
-    """Of the rows of a level of rates, (m, T) each: the right side, and what rates leave of it.
-
-    `error` is what rounding leaves at most, tables' as well; `size` is what stands in the rows.
-    """
-
-    right: Any
-    left: Any
-    error: Any
-    size: Any
-
-
-def rate_rows(system: System, q: Any, qd: Any, qdd: Any, t: Any, lost: Any = (0.0, 0.0)) -> tuple[RateRows, RateRows]:
-    """Return the rows of velocity and of acceleration at coordinates and rates.
-
-    Parameters
-    ----------
-    system : System
-    q, qd, qdd : (n, T) array
-        In the system's coordinates.
-    t : (T,) array
-        Times [s].
-    lost : pair of (n, T) arrays
-        By how much q and qd are rounded; qd in what is left of the velocity itself is not.
-    """
-    clock, at = Running(t), running(q, lost[0])  # so that laws' own rounding counts
-    slope = parts(system.phi_q(at, clock), t.shape)
-    nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd, lost[1]), clock)))
-    rows, exactly = [], Times(t, 2)
-    for order, (rate, right) in enumerate(((qd, nu), (qdd, gamma)), 1):
-        left, error = off_by(slope, rate, right)
-        size = _times(np.abs(slope[0]), np.abs(rate)) + (order == 2) * np.abs(right[0])
-        rows.append(RateRows(right[0], left, SAFETY * error + table_error(system, exactly, order), size))
-    return rows[0], rows[1]
-
-
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas.
 
@@ -349,8 +293,8 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     still = np.zeros_like(z)
     at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
     gamma = np.imag(system.gamma(at, moving, t)) / STEP
-    second = _stacked(_times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
-    third, coriolis = _stacked(_times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
+    second = _stacked(times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
+    third, coriolis = _stacked(times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
     rate = inverse @ second  # A S
     bend = inverse @ (third + coriolis @ rate)
     own, rate, bend, turned = (
@@ -366,28 +310,9 @@ def _inverse(slope: Any) -> Any:
     return np.linalg.inv(stacked) if len(slope) == len(slope[0]) else np.linalg.pinv(stacked)
 
 
-def _times(matrix: Any, vector: Any) -> Any:
-    """Return the product sample by sample of (m, n, T) and (n, T), or with more axes than one for the samples."""
-    return np.einsum("mn...,n...->m...", matrix, vector)
-
-
 def _stacked(matrices: Any) -> Any:
     """Return (m, n, T) as (T, m, n), of which products are taken sample by sample."""
     return np.ascontiguousarray(np.moveaxis(matrices, -1, 0))
-
-
-def largest(values: Any) -> Any:
-    """Return the largest magnitude (T,) of some rows (K, T)."""
-    return np.max(np.abs(values), axis=0)
-
-
-def solve_error(size: Any) -> Any:
-    """Return the two-norm (T,) of LU's backward error, as a residual, where |J| |x| is `size`: n u of its largest row.
-
-    The worst case is n u in every row, with all signs alike. Rounding errors add up like a random walk: to some root of
-    n in every row, which is n for all rows together (Higham and Mary, SIAM J. Sci. Comput. 41, 2019).
-    """
-    return len(size) * U * np.max(size, axis=0)
 
 
 def _stepped(x: Any) -> Any:
@@ -395,107 +320,7 @@ def _stepped(x: Any) -> Any:
     return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
 
 
-def table_error(system: System, clock: Times, order: int) -> Any:
-    """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
-
-    A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
-    u max|y| / h: k-th derivatives err by `SOME` u max|y| / h^k, with the steps that are near (`_steepest`). Integrals
-    to the knots add that up, each rounded as it is itself, like a random walk (`solve_error`). Where steps between
-    arguments differ by more than `UNEVEN` times, the spline that engines are given is held against the exact one, too:
-    an error is carried from step to step. Nowhere else, or a law that is wrong for everybody would be granted to
-    everybody.
-
-    Parameters
-    ----------
-    system : System
-    clock : Times
-        Times (T,) [s], with orders up to this one.
-    order : int
-        0 for the residual, 1 for nu, 2 for gamma.
-    """
-    out = np.zeros((system.m, len(clock.t)))
-    for k, p in enumerate(system.placed):
-        tables = [isinstance(getattr(law, "rate", law), Table) for law in p.constraint.laws]
-        if not any(tables):
-            continue
-        given, factor = p.constraint.inputs(clock.t, system.unit, order), p.constraint.law_scale(system.unit)[1]
-        for n, law in enumerate(p.constraint.laws):
-            if tables[n]:
-                off = _spline_error(law, order, clock.t) / factor
-                table: Any = getattr(law, "rate", law)
-                steps = np.diff(table.argument)
-                if np.max(steps) > UNEVEN * np.min(steps):
-                    bounded: Any = bounded_system(system).placed[k].constraint
-                    high, low, rest = clock.values(bounded.exact, system.unit)[n][order]
-                    off = off + 2 * (np.abs(given[n][order] - high - low) + rest)  # 2: it is carried to first order
-                # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
-                out[p.row] += off * np.maximum(1.0, np.abs(given[n][0]))
-    return out
-
-
-def _spline_error(law: Any, order: int, t: Any) -> Any:
-    """Return what rounding leaves (T,) of the derivative of a spline, or of an integral, as `table_error` has it."""
-    table = getattr(law, "rate", law)
-    size, steps = np.max(np.abs(table.value)), np.diff(table.argument)
-    of_table = order if table is law else order - 1
-    if of_table > 0:
-        x, first = np.array(table.argument), table.argument[0]
-        at = first + np.mod(t - first, x[-1] - first) if table.periodic else t
-        pieces = [np.clip(x.searchsorted(at, side) - 1, 0, len(steps) - 1) for side in ("left", "right")]
-        off = _steepest(steps, table.periodic) / steps ** (of_table - 1)
-        return SOME * U * size * np.minimum(np.max(off[np.array(pieces)], axis=0), np.min(steps) ** -of_table)
-    if of_table == 0:
-        return np.full(len(t), SOME * U * size)
-    areas = np.abs(law(np.array(table.argument)) - law.initial)
-    return np.full(len(t), SOME * U * size * np.linalg.norm(steps) + U * np.linalg.norm(areas))
-
-
-def _steepest(steps: Any, periodic: bool) -> Any:
-    """Return what an error of 1 in every value of a spline does, at most, to the slopes at the ends of each step.
-
-    The system for the slopes has in each row 2 on the diagonal and 1 beside it. So an error of a row is in no slope
-    larger than in its own, and r knots on at most 2^-r of it, whatever the steps are (about 3.7^-r where they are
-    even). At ends that are not periodic the first two steps are one cubic: what is off at its middle knot is off
-    (h0 + h1) / h1 times as much at its end.
-    """
-    count = len(steps)
-    if count < 3:
-        return np.full(count, 1.0 / np.min(steps))
-    k = np.arange(count)
-    apart = np.abs(k[:, None] - k)
-    if periodic:
-        apart = np.minimum(apart, count - apart)
-    else:
-        apart[[0, -1]] = apart[[1, -2]]
-    slopes = np.minimum(np.sum(0.5 ** np.maximum(apart - 1, 0) / steps, axis=1), 1.0 / np.min(steps))
-    if not periodic:
-        slopes[[0, -1]] *= 1.0 + steps[[0, -1]] / steps[[1, -2]]
-    return slopes
-
-
-def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
-    """Return the rounding of coordinates and rates that are composed of others, in metres and back.
-
-    A pose at the end of a chain is a sum of arms of one size, one per body or massless link, and of the angles of the
-    others, each rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. All
-    are of one part. In metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
-
-    Parameters
-    ----------
-    system : System
-    q, qd, qdd : (n, T) array
-        The solution, in the system's coordinates.
-    """
-    own, metres = parts_of(system).coordinates, np.abs(system.to_physical(q))
-    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links_of(system)[own][:, None]
-    is_angle = system.angles[:, None]
-    largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
-    position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
-    roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
-    return roundings * position, roundings * arms * rate, roundings * arms * (bend + rate**2)
-
-
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
     """Return per sample whether dq changes J by less than a tenth of itself, so that first order says enough."""
     change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
-    return np.max(_times(inverse, np.sum(np.abs(change), axis=1)), axis=0) < TENTH
+    return np.max(times(inverse, np.sum(np.abs(change), axis=1)), axis=0) < TENTH

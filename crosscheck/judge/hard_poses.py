@@ -33,7 +33,7 @@ from flint import arb
 
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge import budget
+from crosscheck.judge import rounding
 from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.comparison import Reference
 from crosscheck.judge.parts import parts_of
@@ -259,7 +259,7 @@ def residual_error(system: System, q: Any, t: float) -> Any:
     t : float
         When [s].
     """
-    return BOTH_SIDES * budget.residual_error(system, q[:, None], np.array([t]))[:, 0]
+    return BOTH_SIDES * rounding.residual_error(system, q[:, None], np.array([t]))[:, 0]
 
 
 def least_error(system: System, q: Any, t: float, left: Any = 0.0) -> Any:

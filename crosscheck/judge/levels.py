@@ -20,9 +20,10 @@ import numpy as np
 from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, refused_joints
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
-from crosscheck.judge.budget import BOTH_SIDES, SAFETY
+from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.delivery import ABSOLUTE
 from crosscheck.judge.records import At
+from crosscheck.judge.rounding import SAFETY
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.joints import Constraint, elements_of
 from refkin.joints.spatial_elements import AxesParallel, TurnAboutAxis

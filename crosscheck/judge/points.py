@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.budget import output_rounding, times_with
+from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, Reference, uncompared
 from crosscheck.judge.poses import all_levels
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
+from crosscheck.judge.rounding import output_rounding
 from crosscheck.judge.running_error import U
 from crosscheck.judge.samples import largest_ratio
 from refkin.motion import Motion, PointMotion, Status, point_motion

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.budget import residual_error
+from crosscheck.judge.rounding import residual_error
 from refkin.joints import Counted, initial_contacts, polar_cams
 from refkin.motion import Motion
 from refkin.system import System

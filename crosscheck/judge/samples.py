@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, scales
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histogram, Quantity, ReferenceRow
+from crosscheck.judge.rounding import SAFETY
 from crosscheck.judge.running_error import U
 from refkin.motion_laws import Table
 from refkin.proof.numbers.exact import by_parts, exact_system

@@ -14,20 +14,13 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.budget import (
-    largest,
-    output_rounding,
-    rate_rows,
-    residual_error,
-    solve_error,
-    table_error,
-    times_with,
-)
+from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Reference, difference, rows_of, scaled, uncompared, whole_poses
 from crosscheck.judge.hard_poses import TOO_WIDE, allowed_at
 from crosscheck.judge.parts import by_part, parts_of
 from crosscheck.judge.poses import all_levels, rows_among
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
+from crosscheck.judge.rounding import largest, output_rounding, rate_rows, residual_error, solve_error, table_error
 from crosscheck.judge.samples import short
 from crosscheck.judge.spatial import reversed_joints
 from refkin.model import Scene

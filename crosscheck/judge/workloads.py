@@ -25,8 +25,9 @@ import numpy as np
 
 from crosscheck.engines.frames import wrap
 from crosscheck.engines.methods import motion_of
-from crosscheck.judge.budget import SAFETY, output_rounding, propagation
+from crosscheck.judge.budget import propagation
 from crosscheck.judge.comparison import Reference, compare, reference, scales
+from crosscheck.judge.rounding import SAFETY, output_rounding
 from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, LoopChain, system_of, unit_of

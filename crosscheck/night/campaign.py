@@ -17,10 +17,10 @@ from typing import Any
 
 from crosscheck.errors import ENGINE_MISSING, CannotRun, UsageError
 from crosscheck.judge import known_gaps
-from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.delivery import Unanswered
 from crosscheck.judge.known_gaps import Tally
 from crosscheck.judge.records import NewCase, Record
+from crosscheck.judge.rounding import SAFETY
 from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import CHECK
 from crosscheck.night.disagreements import FOLDER, SCENE_FILE, write_disagreements

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.errors import UsageError
-from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.records import QUANTITIES, By, Cause, Disagreement, NewCase, Record, adapter
+from crosscheck.judge.rounding import SAFETY
 from crosscheck.night.disagreements import FOLDER, slug
 from crosscheck.night.plan import GOLDEN, Golden, replace_file
 from crosscheck.workers.pool import Pool

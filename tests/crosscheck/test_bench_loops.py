@@ -13,7 +13,8 @@ from crosscheck.engines.methods import Use, methods
 from crosscheck.engines.ours.c_kernels import emitted
 from crosscheck.engines.ours.chains import program_of
 from crosscheck.judge import workloads
-from crosscheck.judge.budget import SAFETY, output_rounding, propagation
+from crosscheck.judge.budget import propagation
+from crosscheck.judge.rounding import SAFETY, output_rounding
 from crosscheck.judge.workloads import allowed, of_chain, of_spatial_loops, residual_error, sparse_system
 from crosscheck.measure import bench as measure
 from crosscheck.scenes import workloads as works

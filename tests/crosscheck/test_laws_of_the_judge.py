@@ -33,17 +33,7 @@ from crosscheck.engines.spatial.turning import (
     product,
     rates,
 )
-from crosscheck.judge.budget import (
-    BOTH_SIDES,
-    SAFETY,
-    SOME,
-    _first_order,
-    _spline_error,
-    carried,
-    output_rounding,
-    solve_error,
-    table_error,
-)
+from crosscheck.judge.budget import BOTH_SIDES, _first_order, carried
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.hard_poses import (
@@ -57,6 +47,7 @@ from crosscheck.judge.hard_poses import (
 )
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
 from crosscheck.judge.records import Cause
+from crosscheck.judge.rounding import SAFETY, SOME, _spline_error, output_rounding, solve_error, table_error
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
