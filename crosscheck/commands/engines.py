@@ -117,7 +117,9 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
             f"{row.joint} {row.name!r}" if row.joint else ""
         )
     return [
-        f"{engine} refuses {', '.join(names)} at {level}: {reason}" if all(names) else reason
+        f"{engine} refuses {', '.join(names)} at {level}: {reason}"
+        if all(names)
+        else f"{engine} refuses: {reason}" * (engine not in reason) or reason
         for (engine, level, reason), names in joints.items()
     ]
 
@@ -128,7 +130,8 @@ def outcome_lines(outcome: NightOutcome) -> list[str]:
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
     for gap, chances in outcome.possibly_closed:
-        row = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate})"
+        which = f"{gap.predicate}: {', '.join(gap.match.values())}"
+        row = f"the gap of {gap.engine} known since {gap.date} ({which})"
         lines.append(f"possibly closed: {row} showed in none of {chances} scenes of its kind")
     for gap, scenes in outcome.found_again:
         when = f"met again by scene {scenes}" if scenes else "not met again"

@@ -102,8 +102,8 @@ def _features_line(rows: Any) -> str:
 def _price_line(rows: Any) -> str:
     settings, classes = {(r["engine"], r["method"], r["setting"]) for r in rows}, {r["scene_class"] for r in rows}
     timed = [r["spread"] for r in rows if r["microseconds"] is not None]
-    once = f"{timed.count(None)} of {len(timed)} prices by a single call"
-    return f"{len(settings)} settings on scenes of {len(classes)} classes; {once}"
+    once = f"{count(timed.count(None))} of {count(len(timed))} prices by a single call"
+    return f"{len(settings)} settings on scenes of {len(classes)} class{'es' * (len(classes) != 1)}; {once}"
 
 
 def _effects_line(rows: Any) -> str:

@@ -610,7 +610,7 @@ def test_folded_sections_say_how_much_is_in_them(tmp_path: Path) -> None:
     }
     assert full["newton"] == "Newton's last order 1.90 to 2.01; fitted slopes 1.00, 2.00"
     assert [full[name] for name in ("price", "effects", "gaps")] == [
-        "4 settings on scenes of 1 classes; 0 of 4 prices by a single call",
+        "4 settings on scenes of 1 class; 0 of 4 prices by a single call",
         "2 of 2 effects priced, 0 of them within noise",
         "2 in the table, 1 met",
     ]

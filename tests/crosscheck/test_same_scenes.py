@@ -121,12 +121,13 @@ def test_a_fault_at_a_scene_that_another_did_not_answer_is_not_hidden(tmp_path: 
     assert report["engines"]["mujoco"]["newton"]["velocity"]["digits_worst"] == 1.0
 
 
-def test_a_method_that_is_compared_at_fewer_poses_of_a_scene_says_so(tmp_path: Path) -> None:
-    looser = answered("exudyn", HARD[2:], compared=2)
+@pytest.mark.parametrize(("fewer", "said"), [(1, "; 1 pose fewer"), (2, "; 2 poses fewer")])
+def test_a_method_that_is_compared_at_fewer_poses_of_a_scene_says_so(tmp_path: Path, fewer: int, said: str) -> None:
+    looser = answered("exudyn", HARD[fewer:], compared=4 - fewer)
     _, page = of_run(tmp_path, record("a", answered("mujoco", HARD), looser))
     ((_, rows),) = blocks(page)
 
-    assert [row[0].rpartition("in all")[2] for row in rows.values()] == ["; 2 poses fewer", ""]
+    assert [row[0].rpartition("in all")[2] for row in rows.values()] == [said, ""]
 
 
 def test_a_scene_at_which_nothing_was_compared_is_none_that_was_answered(tmp_path: Path) -> None:

@@ -14,9 +14,11 @@ from rich.console import Console
 
 import refkin
 from crosscheck.commands import bench, engines, follow, hunt, nightly, price, solve, usage
-from crosscheck.judge.records import EnclosedTimes
+from crosscheck.judge.known_gaps import read
+from crosscheck.judge.records import Cause, EnclosedTimes, RefusalRow
 from crosscheck.measure.hard_table import hard_cases
 from crosscheck.night.hunting import Bag, Catch
+from crosscheck.night.plan import NightOutcome
 
 from .report_records import answer, effect_row, good_answer, level, price_row, quantity, record, typed
 
@@ -156,6 +158,16 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
         ["-"] * 5,
         ["3", "1", "0", "2", "1.2"],
     ]
+
+
+def test_a_refusal_names_the_engine_and_a_gap_that_may_be_closed_says_which_it_is():
+    reasons = ("not today", "mujoco refuses hinges")
+    refused = [RefusalRow(engine="mujoco", reason=reason) for reason in reasons]
+    gap = next(gap for gap in read() if gap.kind == Cause.OTHER_ASSEMBLY)
+    (closed,) = engines.outcome_lines(NightOutcome(versions={}, missing={}, possibly_closed=[(gap, 9)]))
+
+    assert engines.refusal_lines(refused) == ["mujoco refuses: not today", reasons[1]]
+    assert f"({gap.predicate}: shipped, other assembly) showed in none of 9 scenes" in closed
 
 
 def test_the_worst_of_a_hunt_stands_first_and_each_has_its_scene(tmp_path, capsys):
