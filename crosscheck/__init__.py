@@ -42,7 +42,7 @@ def compare(scene: Any, engines: Sequence[str] | None = None, show: bool = True)
     record = check(scene, PEERS if engines is None else engines)
     if show:
         out = console(140)
-        out.print(agreement_table(record))
+        out.print(agreement_table(record, out.width))
         for disagreement in record.disagreements:
             out.print(str(disagreement))
     return plain(record)

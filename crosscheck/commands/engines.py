@@ -18,6 +18,8 @@ from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
 from crosscheck.workers.pool import find_engines
 
 ENGINES = ",".join(PEERS)
+WIDE = 130
+"""Characters that the table of agreement needs."""
 
 
 def print_engines() -> int:
@@ -63,10 +65,11 @@ def capability_table(engines: Iterable[Engine]) -> Table:
     return table("engine", "element", *Level, "why not", rows=rows, title="What engines can do")
 
 
-def agreement_table(record: Record) -> Table:
+def agreement_table(record: Record, width: int = WIDE) -> Table:
     """Return engine and method x quantity: worst digits and worst error / allowed, and who did what.
 
     Where digits are counted at fewer poses than were answered, as where no budget holds, the cell says at how many.
+    Where there is less room a quantity has a row of its own, and who did what is left out.
     """
     numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst\ndigits", ">error/\nallowed")]
     rows = []
@@ -82,6 +85,10 @@ def agreement_table(record: Record) -> Table:
             cells.append("-" if numbers_of is None or numbers_of.ratio is None else f"{numbers_of.ratio:.2g}")
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
     heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no\nanswer")
+    if width < WIDE:
+        pairs = [(name, 4 + 2 * k) for k, name in enumerate(QUANTITIES)]
+        rows = [[*row[:2], name, *row[k : k + 2], row[-1]] for row in rows for name, k in pairs]
+        heads = ("engine", "method", "quantity", ">worst\ndigits", heads[5], heads[-1])
     return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
 
 

@@ -65,7 +65,7 @@ def replay(
         return INFRASTRUCTURE
     reference = record.reference
     out.print(f"refkin: {reference.verdict} {reference.message}  smallest singular value {reference.sigma_min:.3g}")
-    out.print(agreement_table(record))
+    out.print(agreement_table(record, out.width))
     out.print(arbiter_table(record))
     if record.levels:
         out.print(rows_table(record))

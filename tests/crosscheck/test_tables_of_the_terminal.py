@@ -153,6 +153,12 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
         ["14.0", "0.5", "14.0", "0.5", "14.0", "0.5", "0 of 4"],
         ["9.5", "0.25", "9.0 at 1 of 3", "-", "-", "-", "1 of 4"],
     ]
+    narrow = cells(engines.agreement_table(met, 80))
+    assert [row[1:] for row in narrow[-3:]] == [
+        ["static newton", "position", "9.5", "0.25", "1 of 4"],
+        ["static newton", "velocity", "9.0 at 1 of 3", "-", "1 of 4"],
+        ["static newton", "acceleration", "-", "-", "1 of 4"],
+    ]
     assert cells(engines.rows_table(met)) == [["mujoco", "drift", "8", "9.0", "0.25"]]
     assert [row[2:] for row in cells(engines.arbiter_table(replace(met, answers=certified)))] == [
         ["-"] * 5,
