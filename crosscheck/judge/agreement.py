@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
+from crosscheck.errors import kept
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import misshapen, undelivered
@@ -89,9 +90,13 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
             if order is None or row is None:
                 known = ", ".join(n for of_level in names for n in of_level)
                 raise RefkinError(f"{body}: no coordinate is called {name!r}; there are: {known}")
-            column = np.asarray(values, float)
+            expected = f"{body}.{name}: expected {len(t)} values, one per time, got"
+            try:
+                column = np.asarray(values, float)
+            except (TypeError, ValueError) as error:
+                raise RefkinError(f"{expected} {kept(repr(values))}") from error
             if column.shape != t.shape:
-                raise RefkinError(f"{body}.{name}: expected {len(t)} values, one per time, got shape {column.shape}")
+                raise RefkinError(f"{expected} shape {column.shape}")
             levels[order][len(names[0]) * ref.motion.bodies.index(body) + row] = column
             answered &= np.isfinite(column)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in answered)

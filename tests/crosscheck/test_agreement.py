@@ -168,6 +168,9 @@ def test_what_cannot_be_compared_is_no_agreement():
         crosscheck.assert_agrees({"rocker": {"phiddd": np.zeros(9)}}, FOUR_BAR)
     with pytest.raises(RefkinError, match="expected 9 values, one per time"):
         crosscheck.assert_agrees({"rocker": {"phi": np.zeros(8)}}, FOUR_BAR)
+    for no_numbers in (["a"] * 9, [[0.0], 1.0], None, {}):
+        with pytest.raises(RefkinError, match=r"rocker\.phi: expected 9 values, one per time, got "):
+            crosscheck.assert_agrees({"rocker": {"phi": no_numbers}}, FOUR_BAR)
 
 
 def test_a_stopping_rule_is_granted_as_far_as_it_goes():
