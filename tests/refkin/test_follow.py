@@ -741,7 +741,7 @@ def test_a_path_ends_where_the_table_of_a_law_does_and_says_so(of_rate, directio
     path = refkin.follow(by_table(ROCKER, of_rate), direction=direction, until=until)
 
     assert path.end is TraceEnd.RANGE
-    assert path.message.endswith("t leaves its range: the table of driver ends")
+    assert path.message.endswith("the parameter leaves its range: the table of driver ends")
     assert path.t[-1] == last
     assert np.all(path.radius < 1e-12)
 

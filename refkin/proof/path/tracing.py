@@ -35,7 +35,7 @@ SAME = 1e-7
 class TraceEnd(StrEnum):
     """Why a path ends."""
 
-    RANGE = "t leaves its range"
+    RANGE = "the parameter leaves its range"
     CLOSED = "the path closes"
     """It has come back to its start."""
     BIFURCATION = "a bifurcation: choose a tangent"
