@@ -143,13 +143,14 @@ class Scene:
         expect("name", self.name, str)
         rows = {"times": tuple, "points": tuple, "effects": frozenset, "evidence": frozenset}
         rows |= {"bodies_wanted": tuple} if self.bodies_wanted is not None else {}
+        words, strange = {"effects": Effect, "evidence": Evidence}, list[Fault]()
         for name, kind in rows.items():  # a list will do, or a range
             value = plain(getattr(self, name))
             if isinstance(value, str | bytes) or not isinstance(value, Iterable):
                 raise InvalidScene([Fault(name, value, f"a {kind.__name__}, or a list")], self.name)
-            object.__setattr__(self, name, kind(value))
-        words = [("effects", x, Effect) for x in self.effects] + [("evidence", x, Evidence) for x in self.evidence]
-        strange = [Fault(name, x, f"some of {', '.join(kind)}") for name, x, kind in words if x not in [*kind]]
+            known, every = [*words.get(name, ())], tuple(value)
+            strange += [Fault(name, x, f"some of {', '.join(known)}") for x in every if known and x not in known]
+            object.__setattr__(self, name, every if strange else kind(every))
         if faults := [*strange, *scene_faults(self)]:
             raise InvalidScene(faults, self.name)
 

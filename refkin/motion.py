@@ -181,7 +181,7 @@ class Motion:
 
     def __getitem__(self, body: str) -> BodyMotion:
         """Return the motion of one body; raise UnknownName if it is not among those that were wanted."""
-        if body not in self.bodies:
+        if not isinstance(body, str) or body not in self.bodies:
             raise UnknownName("body", body, self.bodies)
         k = (width := self.kind.width) * self.bodies.index(body)
         return BodyMotion(*(None if level is None else level[k : k + width] for level in self.levels))  # type: ignore[arg-type]

@@ -133,7 +133,8 @@ def newton(
         Halve a correction until the residual decreases (for starts far from a root).
     """
     stop = RoundOff() if stop is None else stop
-    expect("stop", stop, Callable)  # type: ignore[arg-type]
+    for name, called in (("phi", phi), ("phi_q", phi_q), ("stop", stop)):
+        expect(name, called, Callable)  # type: ignore[arg-type]
     for name, count in (("max_iterations", max_iterations), ("jacobian_every", jacobian_every)):
         if not (isinstance(count, int | np.integer) and count >= 0):
             raise InvalidRequest(name, "a whole number from 0 on", repr(count)[:LONGEST])
@@ -186,10 +187,7 @@ def solve_linear(matrix: Any, right: Any) -> Any:
 
 
 def _row(q0: Any) -> Any:
-    try:
-        q = np.atleast_1d(np.array(q0, complex if np.iscomplexobj(q0) else float))
-    except (TypeError, ValueError):
-        raise InvalidRequest("q0", "numbers", repr(q0)[:LONGEST]) from None
+    q = _vector(q0, "q0")
     if q0 is None or q.ndim != 1 or not q.size:
         raise InvalidRequest("q0", "a number or a row of numbers", "None" if q0 is None else f"shape {q.shape}")
     return q
@@ -197,13 +195,16 @@ def _row(q0: Any) -> Any:
 
 def _matrix(value: Any, rows: int, columns: int) -> Any:
     slope = np.asarray(value)
-    if slope.size != rows * columns or slope.dtype == object or (slope.ndim == 2 and slope.shape != (rows, columns)):
+    if slope.size != rows * columns or slope.dtype.kind in "OU" or (slope.ndim == 2 and slope.shape != (rows, columns)):
         raise InvalidRequest("phi_q", f"a matrix of shape {(rows, columns)}", f"shape {slope.shape} of {slope.dtype}")
     return slope.reshape(rows, columns)
 
 
-def _vector(value: Any) -> Any:
-    return np.atleast_1d(np.asarray(value, complex if np.iscomplexobj(value) else float))
+def _vector(value: Any, name: str = "phi") -> Any:
+    try:
+        return np.atleast_1d(np.array(value, complex if np.iscomplexobj(value) else float))
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidRequest(name, "numbers", repr(value)[:LONGEST]) from None
 
 
 def _damp(phi: Callable[[Any], Any], q: Any, residual: Any, correction: Any) -> Any:

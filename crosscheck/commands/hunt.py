@@ -66,7 +66,6 @@ def hunt_worst(
     """
     positive("minutes", minutes)
     positive("scene-seconds", scene_seconds)
-    writable_folder("out", out)
     installed, missing = find_engines(names(engines, always=(ALWAYS,)))
     if missing:
         print("\n".join(missing.values()), file=sys.stderr)
@@ -74,6 +73,7 @@ def hunt_worst(
     specs = {name: spec for name, (spec, _) in installed.items()}
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
     bag, starts = Bag(), _starts(night, hunted(specs))
+    writable_folder("out", out)  # made where nothing else is refused
     with taken(out):
         try:
             with shown_progress(None, minutes) as show:

@@ -12,7 +12,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from refkin.errors import Fault
+from refkin.errors import LONGEST as QUOTED
+from refkin.errors import Fault, InvalidRequest
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 
@@ -71,6 +72,30 @@ def is_number(x: Any) -> bool:
     return isinstance(x, float) or (type(x) is int and abs(x) < LONGEST)
 
 
+def check(name: str, expected: str, value: object, well: bool) -> None:
+    """Raise InvalidRequest, with what was expected and what came, unless all is well with an argument.
+
+    Parameters
+    ----------
+    name, expected : str
+        Its name, and what it has to be, in words.
+    value : object
+    well : bool
+    """
+    if not well:
+        raise InvalidRequest(name, expected, repr(value)[:QUOTED])
+
+
+def is_real(value: Any, *shape: int) -> bool:
+    """Whether a value is made of real numbers, none of them NaN, and has a shape; () is that of one number."""
+    try:
+        text = np.asarray(value).dtype.kind in "SUc"  # which would be read; a complex number would lose a part
+        given = np.asarray(np.nan if text else value, float)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return given.shape == shape and not np.isnan(given).any()
+
+
 @cache
 def _expected(kind: Any) -> dict[str, Any]:
     """Return how many numbers each field of a dataclass holds, -1 for any, or the words of which it is one.
@@ -84,6 +109,8 @@ def _expected(kind: Any) -> dict[str, Any]:
             parts = get_args(whole[0]) if get_origin(whole[0]) in (tuple, Literal) else whole
             if get_origin(whole[0]) is Literal:
                 expected[name] = parts
+            elif whole == [bool]:
+                expected[name] = (False, True)
             elif all(part in (float, int, ...) for part in parts):
                 expected[name] = -1 if ... in parts else len(parts)
     return expected

@@ -41,13 +41,13 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
             yield from _count_faults(path, estimate, own.width)
             if len(estimate) == own.width and any(own.still) and not any(estimate[own.dimension :]):
                 yield Fault(path, list(estimate), "Euler parameters that are not all 0")
-    known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
+    known = dict.fromkeys((GROUND, *(b.name for b in bodies if isinstance(b.name, str))))
     for path, c in constraints:
         if c.kind is not own:
             yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
             return
         for key in () if c.shares or hasattr(c, "joint") else ("body", *BODIES, "relative_to"):  # else its joints'
-            if (body := getattr(c, key, GROUND)) not in known:
+            if not (isinstance(body := getattr(c, key, GROUND), str) and body in known):
                 yield _no_body(f"{path}.{key}", body, known)
         if c.bodies[0] == c.bodies[1]:
             pair = "two different bodies" + ", this one and `relative_to`" * hasattr(c, "relative_to")
@@ -107,10 +107,11 @@ def _no_body(path: str, name: str, known: Iterable[str]) -> Fault:
 def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> Iterator[Fault]:
     used = set(taken)
     for k, item in enumerate(items):
-        if not (isinstance(item.name, str) and item.name) or item.name in used:
-            expected = "a name not used before" if item.name in used else "a name that is not empty"
+        name = item.name if isinstance(item.name, str) else ""
+        if not name or name in used:
+            expected = "a name not used before" if name in used else "a name that is not empty"
             yield Fault(f"{kind}[{k}].name", item.name, expected)
-        used.add(item.name)
+        used |= {name} - {""}
 
 
 def _count_faults(path: str, numbers: Sequence[float], count: int) -> Iterator[Fault]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from html import escape
-from numbers import Real
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from refkin.errors import InvalidRequest
+from refkin.joints.annotations import check, is_real
 from refkin.model import Scene
 from refkin.motion import Motion
 from refkin.output.tables import MissingPackage, Tabled
@@ -117,8 +116,9 @@ class SceneMotion(Motion, Tabled):
         NothingToDraw
             If there is no pose, a body is lacking, or a rate was not called for.
         """
-        if t is not None and not (isinstance(t, Real) and np.isfinite(t)):
-            raise InvalidRequest("t", "a finite time [s]", repr(t))
+        check("t", "a finite time [s]", t, t is None or (is_real(t) and np.isfinite(t)))
+        for rate, shown in (("velocity", velocity), ("acceleration", acceleration)):
+            check(rate, "True or False", shown, is_real(shown))
         from refkin.output.drawing import RATES, Drawing
 
         drawing = Drawing(self.scene, self)
@@ -129,8 +129,7 @@ class SceneMotion(Motion, Tabled):
 
     def animate(self, seconds: float = 4.0) -> Any:
         """Return a picture of the motion that plays by itself, `seconds` long [s]; raises as `plot` does."""
-        if not 0 < seconds < np.inf:
-            raise InvalidRequest("seconds", "a number above 0", repr(seconds))
+        check("seconds", "a number above 0", seconds, is_real(seconds) and 0 < seconds < np.inf)
         from refkin.output.drawing import Drawing
 
         return Picture(Drawing(self.scene, self), None, (), seconds)

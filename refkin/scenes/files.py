@@ -12,10 +12,11 @@ import sys
 import tomllib
 from dataclasses import MISSING, fields, replace
 from datetime import date, time
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from refkin.errors import Fault, InvalidRequest, InvalidScene
+from refkin.errors import Fault, InvalidRequest, InvalidScene, expect
 from refkin.model import Mechanism, Scene
 from refkin.scenes import DEEPEST, SCHEMA
 from refkin.scenes.explained import GROUPS, at, explained
@@ -34,6 +35,7 @@ def load(path: str | Path) -> Scene:
     InvalidScene
         With every fault of the file, each with its key, the value and what was expected.
     """
+    expect("path", path, str, PathLike)
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")

@@ -16,7 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.errors import LONGEST, InvalidRequest, UnknownName, expect
+from refkin.errors import InvalidRequest, UnknownName, expect
+from refkin.joints.annotations import LONGEST, check, is_real
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, Motion
 from refkin.motion_laws import Polynomial
@@ -203,7 +204,7 @@ def follow(
     system = compile_system(continued(given.mechanism), unit=given.mechanism.unit())
     how = {"choose": choose, "max_step": max_step, "most_points": most_points}
     _check(system.n, start=start, along=along, until=until, direction=direction, **how)
-    message, limits = "", until or (-math.inf, math.inf)
+    message, limits = "", (-math.inf, math.inf) if until is None else (float(until[0]), float(until[1]))
     if isinstance(start, Bifurcation):
         q, t = system.to_unit(start.q), start.t
     elif start is not None:
@@ -225,8 +226,9 @@ def follow(
     within = max(low for low, _ in known), min(high for _, high in known)
     curve = Curve.through(frames.inner, q, np.linspace(*within, 9) if np.isfinite(within).all() else [t])
     continuation, unit = _Continuation(frames, curve, within), curve.scale[-1]
-    if not unit > 0.0:
-        raise InvalidRequest("law", "drivers whose rates float64 holds, between the first time and the last", "inf")
+    if not unit * LONGEST > 1.0:  # a turn of an angle is no number of such units
+        slower = f"drivers whose rates are at most {LONGEST:g}, between the first time and the last"
+        raise InvalidRequest("law", slower, "more")
     endless = bool(np.isinf(limits).all()) and _is_driven_angle(system.mechanism)
     tracer = Tracer(curve, (within[0] / unit, within[1] / unit), max_step, most_points, endless)
 
@@ -358,18 +360,9 @@ def _why(system: System, end: PathEnd, q: Any, t: float, singular: bool) -> str:
     return f"{end}: how paths go on beside a singular pose is not decided" if singular else end
 
 
-def _numbers(value: Any, *shape: int) -> bool:
-    """Whether a value is made of real numbers, none of them NaN, and has a shape."""
-    try:
-        given = np.asarray(value, float)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return given.shape == shape and not np.isnan(given).any()
-
-
 def _pose(start: Any, n: int) -> bool:
     pair = isinstance(start, tuple | list) and len(start) == 2
-    return pair and _numbers(start[0], n) and _numbers(start[1])
+    return pair and is_real(start[0], n) and is_real(start[1])
 
 
 def _check(n: int, **given: Any) -> None:
@@ -381,17 +374,16 @@ def _check(n: int, **given: Any) -> None:
         ),
         "along": (
             f"a Tangent of {n} coordinates",
-            lambda x: isinstance(x, Tangent) and _numbers(x.q, n) and _numbers(x.t),
+            lambda x: isinstance(x, Tangent) and is_real(x.q, n) and is_real(x.t),
         ),
-        "until": ("two numbers", lambda x: _numbers(x, 2)),
-        "direction": ("1 or -1", lambda x: _numbers(x) and x in (1, -1)),
+        "until": ("two numbers", lambda x: is_real(x, 2)),
+        "direction": ("1 or -1", lambda x: is_real(x) and x in (1, -1)),
         "choose": ("what takes a bifurcation and returns a tangent", callable),
-        "max_step": ("a finite number above 0", lambda x: _numbers(x) and 0.0 < x < math.inf),
+        "max_step": ("a finite number above 0", lambda x: is_real(x) and 0.0 < x < math.inf),
         "most_points": ("a whole number above 0", lambda x: isinstance(x, int | np.integer) and bool(x > 0)),
     }
     for name, (expected, well) in forms.items():
-        if not ((given[name] is None and name in NOT_NEEDED) or well(given[name])):
-            raise InvalidRequest(name, expected, repr(given[name])[:LONGEST])
+        check(name, expected, given[name], (given[name] is None and name in NOT_NEEDED) or well(given[name]))
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

@@ -92,8 +92,9 @@ def _beyond_digits(law: Law, t: Any, a: float, b: float) -> Any:
     They are between their last digit and the next, and bends as at the digits around: f'' u^2 / 2 at most, here twice.
     """
     digit = np.spacing(np.abs(t))
-    bends = [np.abs(law(np.clip(t + k * digit, a, b), 2)) for k in (-1, 0, 1)]
-    return np.max(np.broadcast_arrays(*bends), axis=0) * digit**2
+    with np.errstate(over="ignore", invalid="ignore"):
+        bends = [np.abs(law(np.clip(t + k * digit, a, b), 2)) for k in (-1, 0, 1)]
+        return np.max(np.broadcast_arrays(*bends), axis=0) * digit * digit
 
 
 def unseen(

@@ -15,6 +15,7 @@ import numpy as np
 from refkin.analysis import estimate_of, position, sigma_min
 from refkin.errors import expect
 from refkin.joints import SPACE, initial_contacts, polar_cams
+from refkin.joints.annotations import check, is_real
 from refkin.model import Mechanism, Scene
 from refkin.motion import SINGULAR, Status
 from refkin.newton import NewtonResult, contracts
@@ -259,6 +260,9 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     """
     expect("given", given, Scene, System)
     system = compile_system(given.mechanism, unit=given.mechanism.unit())
+    check("t", "a finite time [s]", t, t is None or (is_real(t) and math.isfinite(t)))
+    counts = dict.fromkeys((system.n, system.of_bodies))  # with contact parameters, or without
+    check("q", f"{' or '.join(map(str, counts))} numbers", q, q is None or any(is_real(q, n) for n in counts))
     if isinstance(given, Scene):
         t = given.times[0] if t is None else t
         if q is None:
@@ -271,7 +275,5 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     pose = np.asarray(q, float)
     if len(pose) == system.n:
         return diagnose_scaled(system, system.to_unit(pose), float(t))
-    if len(pose) != system.of_bodies:
-        raise ValueError(f"q: {len(pose)} numbers; expected {system.n}, or {system.of_bodies} without parameters")
     whole = system.to_unit(np.append(pose, np.zeros(system.n - len(pose))))
     return diagnose_scaled(system, initial_contacts(system, whole, float(t)), float(t))

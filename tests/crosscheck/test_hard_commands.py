@@ -53,6 +53,14 @@ def test_a_wrong_answer_a_refusal_and_an_engine_that_is_not_there_have_their_cod
     assert told.stdout == "" or code < 2
 
 
+@pytest.mark.parametrize("wrong", [("--engines", "nowhere.py:X"), ("--night", "nowhere")])
+def test_a_hunt_that_is_refused_makes_no_folder(wrong, tmp_path, command):
+    told = command("hunt", *wrong, "--out", tmp_path / "hunt")
+
+    assert told.returncode in (2, 3)
+    assert not (tmp_path / "hunt").exists()
+
+
 def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):
     rows = hard_case_rows(["refkin"], 2.0)
     (tmp_path / "hard_cases.json").write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")

@@ -15,6 +15,7 @@ import refkin.scenes.files
 from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Sinusoid, Table
 from refkin.joints import Gear
 from refkin.model import _diameter
+from refkin.scenes.linkages import Hooke
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -64,6 +65,8 @@ def test_lists_and_arrays_make_the_same_scene(file):
     assert hash(again.mechanism) == hash(m)
 
 
+ROW = np.array([1.0, 2.0])
+BARS = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 TABLE = Table(argument=np.array([0.0, 1.0, 2.0]), value=[0.0, 1.0, 1.5])
 WRONG = {
     "joint[0].point_i: expected a row of 2 numbers, got ('a', 0.0)": lambda: mechanism(pin=("a", 0.0)),
@@ -123,6 +126,20 @@ WRONG = {
     "driver[0]: expected a driver, got Revolute(": lambda: Mechanism(
         mechanism().bodies, mechanism().joints, (replace(mechanism().joints[0], name="B"),)
     ),
+    "body[0].name: expected a name that is not empty, got {}": lambda: mechanism(name={}),
+    "joint[0].body_i: expected a body of the scene: ground, crank, got {}": lambda: mechanism(joint={"body_i": {}}),
+    "driver[0].body: expected a body of the scene: ground, crank, got {}": lambda: driven(body={}, law=LAW),
+    "driver[0].relative_to: expected a body of the scene: ground, crank, got {}": lambda: driven(
+        relative_to={}, law=LAW
+    ),
+    "driver[0].name: expected a name that is not empty, got {}": lambda: driven(name={}, law=LAW),
+    "driver[0].law.periodic: expected False or True, got {}": lambda: mechanism(law=replace(TABLE, periodic={})),
+    "driver[0].law.periodic: expected False or True, got 'no'": lambda: mechanism(law=replace(TABLE, periodic="no")),
+    "effects: expected some of velocity, acceleration, got {}": lambda: scene(effects=[{}]),
+    "evidence: expected some of condition, certificate, got {}": lambda: scene(evidence=[{}]),
+    "driven: expected crank; rocker; coupler": lambda: BARS.scene(driven=ROW),
+    "turns: expected so few that they end at some time, at 2.0 rad/s, got 1e+308": lambda: BARS.scene(turns=1e308),
+    "turns: expected so few that they end at some time, at 5e-324 rad/s, got 1": lambda: BARS.scene(speed=5e-324),
 }
 
 
@@ -158,9 +175,61 @@ def test_times_may_come_from_anything_that_yields_them(times):
     assert scene(times=times) == scene(times=(0.0, 1.0, 2.0))
 
 
-def test_only_a_time_is_drawn():
-    with pytest.raises(refkin.InvalidRequest, match=r"t: expected a finite time .*, got 'x'"):
-        refkin.solve(scene()).plot("x")
+ASKED = {
+    "q: expected 3 numbers, got 'abc'": lambda: refkin.diagnose(scene(), q="abc"),
+    "q: expected 3 numbers, got {}": lambda: refkin.diagnose(scene(), q={}),
+    "q: expected 3 numbers, got 1.0": lambda: refkin.diagnose(scene(), q=1.0),
+    "q: expected 3 numbers, got 1000": lambda: refkin.diagnose(scene(), q=10**400),
+    "q: expected 3 numbers, got ['0', '0', '0']": lambda: refkin.diagnose(scene(), q=["0"] * 3),
+    "q: expected 3 numbers, got [1j, 1j, 1j]": lambda: refkin.diagnose(scene(), q=[1j] * 3),
+    "q: expected 3 numbers, got array([[0.": lambda: refkin.diagnose(scene(), q=np.zeros((3, 2))),
+    "q is no pose at t = 0: its largest scaled residual is inf": lambda: refkin.diagnose(scene(), q=[np.inf, 0.0, 0.0]),
+    "t: expected a finite time [s], got 'a'": lambda: refkin.diagnose(scene(), q=np.zeros(3), t="a"),
+    "t: expected a finite time [s], got nan": lambda: refkin.diagnose(scene(), t=math.nan),
+    "t: expected a finite time [s], got array([1., 2.])": lambda: refkin.diagnose(scene(), t=ROW),
+    "path: expected a str or PathLike, got a NoneType": lambda: refkin.load(None),
+    "path: expected a str or PathLike, got a int": lambda: refkin.load(3),
+    "phi: expected a Callable, got a NoneType": lambda: refkin.newton(None, abs, 1.0),
+    "phi_q: expected a Callable, got a int": lambda: refkin.newton(abs, 3, 1.0),
+    "q0: expected numbers, got 1000": lambda: refkin.newton(abs, abs, 10**400),
+    "phi: expected numbers, got 'a'": lambda: refkin.newton(lambda q: "a", abs, 1.0),
+    "phi_q: expected a matrix of shape (1, 1), got shape () of <U1": lambda: refkin.newton(abs, lambda q: "a", 1.0),
+    "name: expected a str, got a ndarray": lambda: BARS.scene(name=ROW),
+    "until: expected two numbers, got ['0', '3']": lambda: refkin.follow(scene(), until=["0", "3"]),
+    "until: expected two values that t = 0, where the path begins, is between, got (1.0, 2.0)": lambda: refkin.follow(
+        scene(), until=ROW
+    ),
+    "no body is called array([1., 2.]); there are: crank": lambda: refkin.solve(scene())[ROW],
+    "t: expected a finite time [s], got 'x'": lambda: refkin.solve(scene()).plot("x"),
+    "t: expected a finite time [s], got 1000": lambda: refkin.solve(scene()).plot(10**400),
+    "velocity: expected True or False, got array([1., 2.])": lambda: refkin.solve(scene()).plot(velocity=ROW),
+    "acceleration: expected True or False, got {}": lambda: refkin.solve(scene()).plot(acceleration={}),
+    "seconds: expected a number above 0, got 'a'": lambda: refkin.solve(scene()).animate("a"),
+    "value: expected a finite number [rad, or m], got 'a'": lambda: BARS.plot("a"),
+    "value: expected a finite number [rad], got 'a'": lambda: Hooke(beta=0.5).assemble("a"),
+    "law: expected drivers whose rates are at most 1e+300": lambda: refkin.follow(scene(mechanism=SHAKEN)),
+}
+SHAKEN = mechanism(law=Sinusoid(amplitude=1.0, angular_frequency=1e308))
+
+
+@pytest.mark.parametrize("asked", ASKED.values(), ids=ASKED)
+def test_an_argument_that_makes_no_sense_is_told_with_what_was_expected(asked):
+    said = next(text for text, one in ASKED.items() if one is asked)
+    with pytest.raises((refkin.RefkinError, TypeError, ValueError)) as caught:
+        asked()
+    assert str(caught.value).startswith(said)
+
+
+def test_rates_beyond_float64_are_a_status_and_no_warning():
+    motion = refkin.solve(scene(mechanism=SHAKEN))
+
+    assert set(motion.status) == {refkin.Status.NOT_CONVERGED}
+    assert "rates at t = 0 are too large for numbers" in motion.message
+
+
+@pytest.mark.parametrize("until", [(0.0, 1.0), np.array([0.0, 1.0])], ids=["tuple", "array"])
+def test_a_path_ends_where_a_row_of_two_numbers_says(until):
+    assert refkin.follow(scene(), until=until).t[-1] == 1.0
 
 
 def test_only_a_mechanism_moves():

@@ -20,6 +20,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, PLANE, SPACE, AngleDriver, Constraint, Driver, Pair
+from refkin.joints.annotations import check
 from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
@@ -153,6 +154,8 @@ class Linkage(Shown):
         DoesNotAssemble
             With the gap [m], where it is above round-off.
         """
+        self._check_input(driven, relative_to)
+        check("value", "a finite number [rad, or m]", value, is_finite(value))
         margin = self.closure_margin(value, driven, relative_to)
         # The margin is a sum of lengths and of one distance, each right to a few units 2^-53 of the reach.
         if not margin >= -8 * 2.0**-53 * self.reach:
@@ -225,7 +228,8 @@ class Linkage(Shown):
         size = self.mechanism(driver).size()
         margin = self.closure_margin(values[0], driven, relative_to)
         mechanism = self.mechanism(driver, rough(pose, size, margin))
-        return scene_of(mechanism, times, name or f"{type(self).__name__} {branch}", effects, evidence)
+        name = f"{type(self).__name__} {branch}" if name is None else name
+        return scene_of(mechanism, times, name, effects, evidence)
 
     def plot(
         self,
@@ -263,7 +267,7 @@ class Linkage(Shown):
         return coordinate
 
     def _check_input(self, driven: str, relative_to: str) -> None:
-        if (driven, relative_to) not in self.INPUTS:
+        if not (isinstance(driven, str) and isinstance(relative_to, str) and (driven, relative_to) in self.INPUTS):
             known = "; ".join(d if r == GROUND else f"{d} relative to {r}" for d, r in self.INPUTS)
             raise InvalidScene([Fault("driven", f"{driven} relative to {relative_to}", known)], type(self).__name__)
 
@@ -397,8 +401,11 @@ def law_and_times(
     faults += [Fault("times", t, "finite numbers [s]") for t in given or () if not is_finite(t)][:1]
     if faults:
         raise InvalidScene(faults, "linkage")
+    last = 0.0 if given else math.tau * turns / abs(speed)
+    if not math.isfinite(last):
+        raise InvalidScene([Fault("turns", turns, f"so few that they end at some time, at {speed!r} rad/s")], "linkage")
     law = Polynomial(coefficients=(float(start), float(speed))) if law is None else law
-    at = [float(t) for t in given] if given else np.linspace(0.0, math.tau * turns / abs(speed), samples).tolist()
+    at = [float(t) for t in given] if given else np.linspace(0.0, last, samples).tolist()
     values = [float(law(t)) for t in at]
     for t, value in zip(at, values, strict=True):
         if not math.isfinite(value):

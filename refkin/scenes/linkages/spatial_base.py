@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from refkin.errors import Fault
 from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
-from refkin.joints.annotations import plain
+from refkin.joints.annotations import check, plain
 from refkin.joints.spatial_base import Form
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
@@ -132,6 +132,7 @@ class SpatialLinkage(Shown):
         DoesNotAssemble
             With the gap [m], or NaN where none is known.
         """
+        check("value", "a finite number [rad]", value, is_finite(value))
         return dict(self._poses(value, member(Branch, branch, "branch").sign))
 
     def plot(self, value: float = 0.0, branch: Branch | str = Branch.OPEN) -> Picture:
@@ -184,4 +185,5 @@ class SpatialLinkage(Shown):
         bodies = (Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items())
         mechanism = Mechanism(tuple(bodies), self.joints(), self.drivers(law))
         branch = member(Branch, branch, "branch")
-        return scene_of(mechanism, times, name or f"{type(self).__name__} {branch}", effects, evidence)
+        name = f"{type(self).__name__} {branch}" if name is None else name
+        return scene_of(mechanism, times, name, effects, evidence)
