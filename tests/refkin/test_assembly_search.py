@@ -293,3 +293,22 @@ def test_what_newton_calls_converged_but_does_not_close_is_improved_by_least_squ
     monkeypatch.setattr(search, "position", lambda system, start, t, **_: SimpleNamespace(q=start, converged=True))
 
     assert refined(system, q + 1e-3, 0.0) == pytest.approx(q, abs=ROUND_OFF)
+
+
+def test_what_closed_form_places_at_no_trial_angle_is_found_from_poses_that_no_joint_holds():
+    """The search found none of ten; of some with gears and cams it found none either."""
+    rng = np.random.default_rng(8)
+    drawn = Drawn(rng, *(f"b{k}" for k in range(6)), still=True)
+    names, left = list(drawn.pose), 17
+    drawn.drive_angle("b0")
+    while left:
+        (i, j), kind = (names[k] for k in rng.permutation(7)[:2]), rng.integers(3)
+        left -= 2 if kind == 0 else 1
+        drawn.pin(i, j) if kind == 0 else drawn.link(i, j) if kind == 1 else drawn.slide(i, j, turning=True)
+    system, _ = drawn.system()
+    result = assemblies(system, 0.0)
+
+    assert "the group is larger than a triad: no proof was tried" in result.message
+    assert len(result.poses) > 1
+    assert not result.complete
+    assert all(closes(system, q, 0.0) for q in result.poses)

@@ -6,8 +6,9 @@ branch may end by proof: then no assembly has its angle there. Intervals that ar
 starts for Newton's method. An interval whose branches all lie where an assembly is proved to be the only one
 (`krawczyk`) is done with. If no interval is left, what was found is all there is; if nothing was found, there is none.
 
-Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved. A search
-also ends where assemblies turn out not to be isolated, or where start after start leads nowhere.
+Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved; if closed
+form places nothing at these, or nothing that leads anywhere, from one of poses that no joint holds. A search also ends
+where assemblies turn out not to be isolated, or where start after start leads nowhere.
 """
 
 from __future__ import annotations
@@ -150,6 +151,8 @@ class Search:
         """Return what is found, in narrower and narrower intervals of the angle that opens the group."""
         if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
+            if not self.known:
+                self._try_starts(self._anywhere(), MOST_STARTS)
             foreign = ", ".join(self.rows.foreign)
             why = f"there is no closed form of {foreign}" if foreign else "the group is larger than a triad"
             return self._result(f"{why}: no proof was tried")
@@ -210,6 +213,16 @@ class Search:
             point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
             yield tuple(low + x * (high - low) for x, (low, high) in zip(point, ranges, strict=True))
 
+    def _anywhere(self) -> Iterator[Array]:
+        """Yield poses of bodies that no joint holds, spread evenly."""
+        count = len(self.names)
+        for k in range(MOST_STARTS):
+            q = np.zeros(self.system.n)
+            spread = ((2, 1.0), (3, 1.0), (5, math.pi))  # a point of the sequence for each body
+            points = range(1 + k * count, 1 + (k + 1) * count)
+            q[: 3 * count] = [reach * (2 * radical_inverse(at, base) - 1) for at in points for base, reach in spread]
+            yield initial_contacts(self.system, q, self.t)
+
     @property
     def exhausted(self) -> bool:
         """Whether looking on is in vain."""
@@ -218,16 +231,18 @@ class Search:
 
     def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
         """Note the new assemblies that Newton reaches from trial angles."""
-        for angles in trials:
-            for start in self._starts(angles):
-                q = refined(self.system, start, self.t)
-                self.failures = self.failures + 1 if q is None else 0
-                q = None if q is None else self._without_turns(q)
-                if q is not None and self._is_new(q):
-                    self.known.append(self._proved(q))
-                if self.exhausted or self.failures >= MOST_FAILURES:
-                    self.failures = 0
-                    return
+        self._try_starts(start for angles in trials for start in self._starts(angles))
+
+    def _try_starts(self, starts: Iterable[Array], most_failures: int = MOST_FAILURES) -> None:
+        for start in starts:
+            q = refined(self.system, start, self.t)
+            self.failures = self.failures + 1 if q is None else 0
+            q = None if q is None else self._without_turns(q)
+            if q is not None and self._is_new(q):
+                self.known.append(self._proved(q))
+            if self.exhausted or self.failures >= most_failures:
+                self.failures = 0
+                return
 
     def _is_new(self, q: Array) -> bool:
         """Whether a pose is no known one, and its contacts lie where they are looked for, or the scene says where."""
