@@ -19,7 +19,9 @@ from refkin.system import System
 HALVINGS = 20
 """How often a step is halved in float64; what is left then is not for want of small pieces, but of digits."""
 MOST_IN_VAIN = 9
-"""How often all pieces of a step may be halved without one of them being proved in float64."""
+"""How often all pieces of a step may be halved without one of them being proved in float64, unless smaller ones are."""
+SMALLER = 4
+"""How often the first of these pieces is halved to see whether smaller ones are proved."""
 MOST_PIECES = 2**14
 """Pieces that are tried in float64; a turn of a well-conditioned linkage needs about 50."""
 SAGITTA = 0.1
@@ -129,10 +131,26 @@ def _left(system: System, pieces: list[Piece], between: Between) -> tuple[list[P
             meeting = _crossing_in(system, doubted)
         if meeting is not None:
             open_, left = ([p for p in some if p.number < meeting] for some in (open_, left))
-        left += [p for p in open_ if in_vain[p.number] > MOST_IN_VAIN]
-        pieces, lost = _halved(system, [p for p in open_ if in_vain[p.number] <= MOST_IN_VAIN], between)
+        tired = {p.number: p for p in reversed(open_) if in_vain[p.number] > MOST_IN_VAIN}  # each step's first piece
+        given_up = {number for number, p in tired.items() if not _begins(system, p, between)}
+        left += [p for p in open_ if p.number in given_up]
+        pieces, lost = _halved(system, [p for p in open_ if p.number not in given_up], between)
         left += lost
     return _merged([*left, *pieces]), meeting
+
+
+def _begins(system: System, p: Piece, between: Between) -> bool:
+    """Return whether a piece, halved again and again, begins with one that is proved: smaller ones are not in vain.
+
+    A fine thread on a long arm needs them: what a chord leaves out of the arm's arc turns the screw by far more.
+    """
+    for _ in range(SMALLER):
+        halves, _ = _halved(system, [p], between)
+        if not halves or not (p := halves[0]).is_certified:
+            return False
+        if _linked(system, [p])[0]:
+            return True
+    return False
 
 
 def _merged(pieces: list[Piece]) -> list[Piece]:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import refkin
 from refkin import fast
-from refkin.joints import SpatialAngleDriver, SpatialDistance, SpatialRevolute
+from refkin.joints import DisplacementDriver, Screw, SpatialAngleDriver, SpatialDistance, SpatialRevolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -230,3 +230,24 @@ def test_a_gap_that_rounding_explains_proves_nothing_at_any_time():
     )
 
     assert refkin.solve(Scene(mechanism=door, times=(0.0, 1.0))).status == (Status.OK, Status.NOT_CONVERGED)
+
+
+@pytest.mark.parametrize("travel", [6e-7, 2e-6])
+def test_a_fine_thread_on_a_long_arm_is_proved_in_small_steps(travel):
+    """What the chord of the arm's arc leaves out turned the screw by more than a tube holds: it was given up."""
+    arm = SpatialRevolute(
+        name="R", body_i="ground", point_i=(0, 0, 0), axis_i=(0, 0, 1), zero_i=(1, 0, 0),
+        body_j="arm", point_j=(0, 0, 0), axis_j=(0, 0, 1), zero_j=(1, 0, 0),
+    )  # fmt: skip
+    thread = Screw(
+        name="H", body_i="arm", point_i=(1, 0, 0), axis_i=(1, 0, 0), zero_i=(0, 1, 0),
+        body_j="nut", point_j=(0, 0, 0), axis_j=(1, 0, 0), zero_j=(0, 1, 0), pitch=6e-7,
+    )  # fmt: skip
+    turning = SpatialAngleDriver(name="a", joint="R", law=Polynomial(coefficients=(0.3, 0.5)))
+    moving = DisplacementDriver(name="d", joint="H", law=Polynomial(coefficients=(0.0, travel)))
+    mechanism = Mechanism((Body(name="arm"), Body(name="nut")), (arm, thread), (turning, moving))
+    motion = refkin.solve(Scene(mechanism=mechanism, times=(0.0, 1.0)))
+    truth = Rotation.from_euler("ZX", [0.8, travel / 6e-7]).as_matrix()
+
+    assert motion.verdict is Status.OK
+    assert np.abs(motion["nut"].rotation[..., 1] - truth).max() < 1e-8
