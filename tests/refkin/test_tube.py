@@ -15,6 +15,7 @@ import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import Times, bounded_system, box, read
+from refkin.proof.path import tube
 from refkin.proof.path.blocks import Blocks
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes
@@ -254,3 +255,23 @@ def test_a_plate_that_does_not_turn_is_proved_to_stay_on_its_branch():
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-delta-robot.toml")
 
     assert refkin.solve(scene).verdict == "ok"
+
+
+@pytest.mark.parametrize(
+    ("longest", "proved", "most_tried"),
+    [
+        (lambda t: 2.0**-7, True, 255),
+        (lambda t: 2.0**-11, False, 110),
+        (lambda t: 2.0**-20 + t / 4, True, 400),
+        (lambda t: 0.0, False, 41),
+    ],
+    ids=["as many as there are", "many more", "short ones at first", "none holds"],
+)
+def test_a_proof_that_would_take_many_times_its_tubes_ends_early(longest, proved, most_tried, monkeypatch):
+    """It went on to the last of them: of large mechanisms of space, of which each takes a second, for minutes."""
+    monkeypatch.setattr(tube, "krawczyk", lambda system, q, t, bits: SimpleNamespace(t=t, nearest=lambda: None))
+    monkeypatch.setattr(tube.ConnectionProof, "_tube_holds", lambda self, a, b: b.t - a.t <= longest(a.t))
+    proof = tube.ConnectionProof(None, 400, lambda *_: 0.0)
+
+    assert proof.connects(0.0, 1.0, None, None) is proved
+    assert proof.tried <= most_tried

@@ -41,6 +41,10 @@ Between = Callable[[System, Any, float, float], Any]
 DEEPEST = 40
 """How often a step is halved before a proof is given up: at a bifurcation there is no end to it."""
 
+ENOUGH, LITTLE, GROWING = 1 / 4, 1 / 16, 3.0
+"""A proof that has covered so little of its time with so many of its tubes is given up, unless they become longer: by
+so much it has covered more than with half as many. Of a large mechanism each takes a second."""
+
 
 class Tubes:
     """Tubes along q + v s, |s| <= half, at times t + s; `proved` where eta + 2 Z w <= 2 w. `off` widens them."""
@@ -69,13 +73,18 @@ class Tubes:
 class ConnectionProof:
     """Proves that poses of a system, compiled in its mechanism's own unit, belong to one motion.
 
-    `tried` counts the tubes, at most `most`; `between` finds poses in the middle of steps.
+    `tried` counts the tubes, at most `most`, `before` those of other steps; `covered` is how much of the time that is
+    `asked` of this step they hold, `early` how much the first did. `between` finds poses in the middle of steps.
     """
 
     system: System
     most: int
     between: Between
     tried: int = field(default=0, init=False)
+    before: int = field(default=0, init=False)
+    covered: float = field(default=0.0, init=False)
+    early: float = field(default=0.0, init=False)
+    asked: float = field(default=0.0, init=False)
     last: Enclosure | None = field(default=None, init=False)
 
     def connects(self, t_0: float, t_1: float, q_0: Any, q_1: Any) -> bool:
@@ -84,14 +93,16 @@ class ConnectionProof:
         self.last = last = krawczyk(self.system, q_1, t_1, BITS)
         if first is None or last is None:
             return False
+        self.before, self.covered, self.asked = self.tried, 0.0, t_1 - t_0
         return self._connected(first, last, DEEPEST)
 
     def _connected(self, first: Enclosure, last: Enclosure, depth: int) -> bool:
         self.tried += 1
         with ctx.workprec(BITS):
             if self._tube_holds(first, last):
+                self.covered += last.t - first.t
                 return True
-        if depth == 0 or self.tried >= self.most:
+        if depth == 0 or self.tried >= self.most or self._is_far():
             return False
         middle = self._between(first, last)
         return (
@@ -99,6 +110,14 @@ class ConnectionProof:
             and self._connected(first, middle, depth - 1)
             and self._connected(middle, last, depth - 1)
         )
+
+    def _is_far(self) -> bool:
+        """Whether the way would take many more tubes than there are, if it goes on as it did."""
+        used = self.tried - self.before
+        if used <= ENOUGH / 2 * self.most:
+            self.early = self.covered
+        little = self.covered < LITTLE * self.asked and self.covered <= GROWING * self.early
+        return used >= ENOUGH * self.most and little
 
     def _between(self, first: Enclosure, last: Enclosure) -> Enclosure | None:
         """Return the pose that is found halfway from the first."""
