@@ -46,7 +46,6 @@ from crosscheck.judge.rounding import (
 from crosscheck.scenes.names import QUANTITIES
 from refkin.analysis import acceleration, velocity
 from refkin.motion import Motion, Status
-from refkin.newton import solve_linear
 from refkin.proof.numbers.bounded import Times
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
@@ -55,7 +54,7 @@ BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
 CORRECTIONS = 4
-"""Newton corrections to a pose whose residual changes J by less than `TENTH`: its eighth power is left of it."""
+"""Corrections to a pose whose residual changes J by less than `TENTH`: by one J, its fourth power is left of it."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 
@@ -186,31 +185,25 @@ class Propagation:
     def second_order(self, budget: ErrorBudget, terms: Sequence[Term], at: Any) -> ErrorBudget:
         """Return a budget with what is allowed at some times (count,) of bool beyond first order.
 
-        It is the even part, where it is a good part, of what the worst residual makes of all levels, solved for with
-        either sign: that along the last left singular vector, next to which others make little where squares count.
+        It is the even part, where it is a good part, of what a residual makes of all levels, solved for with either
+        sign: the most of those along the left singular vectors. Next to a singular pose that is the last one's.
         """
         here = np.flatnonzero(at[self.samples])
         q, t = self.levels[0][:, here], self.t[here]
         left = BOTH_SIDES * self.e[0][:, here]
         for term in (term for term in terms if term.level == QUANTITIES[0]):
             left = left + (BOTH_SIDES if term.form else 1.0) * (term.absolute + term.relative * self.size[0][:, here])
-        slope = _stacked(self.system.phi_q(q, t))
-        for rows, own in parts_of(self.system):
-            left[rows] *= np.sign(np.linalg.svd(slope[np.ix_(range(len(t)), rows, own)])[0][..., len(own) - 1].T)
-        middle, *ends = (self._solved(q, sign * left, t) for sign in (0.0, 1.0, -1.0))
-        levels, places = budget.levels.copy(), self.samples[here]
-        off = np.max(np.abs(np.array(ends) - middle), axis=(0, 2))
-        near = (off <= BOTH_SIDES * np.max(levels[..., places], axis=1)).all(axis=0)  # of the same assembly
-        even = np.abs(np.mean(ends, axis=0) - middle)
-        levels[..., places] += np.where(near & (even > TENTH * levels[..., places]), even, 0.0)  # less is rounding
+        levels, places, system = budget.levels.copy(), self.samples[here], self.system.held_at(q)
+        slope, first = system.phi_q(q, t), levels[..., places]
+        inverse, even = np.moveaxis(_inverse(slope), 0, -1), np.zeros_like(first)
+        middle = _solved(system, inverse, q, 0.0 * left, t)
+        for signs in _directions(system, slope):
+            ends = np.array([_solved(system, inverse, q, sign * signs * left, t) for sign in (1.0, -1.0)])
+            off = np.max(np.abs(ends[:, 0] - middle[0]), axis=(0, 1))
+            near = off <= BOTH_SIDES * np.max(first[0], axis=0)  # of the same assembly
+            even = np.fmax(even, np.where(near, np.abs(np.mean(ends, axis=0) - middle), 0.0))
+        levels[..., places] += np.where(even > TENTH * first, even, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
-
-    def _solved(self, q: Any, left: Any, t: Any) -> Any:
-        """Return the levels (3, n, T) that leave so much (m, T) of the position's residual, on the branch of q."""
-        for _ in range(CORRECTIONS):
-            q = q - solve_linear(self.system.phi_q(q, t), self.system.phi(q, t) - left)
-        qd = velocity(self.system, q, t)
-        return np.array([q, qd, acceleration(self.system, q, qd, t)])
 
     def _judged(self, dq: Any) -> Any:
         """Return (count,) whether first order says enough where a position is off by dq (n, T)."""
@@ -318,6 +311,23 @@ def _stacked(matrices: Any) -> Any:
 def _stepped(x: Any) -> Any:
     """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
     return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+
+
+def _directions(system: System, slope: Any) -> Any:
+    """Return the signs of the left singular vectors of J (m, n, T), part by part, all parts at once, (K, m, T)."""
+    parts = list(parts_of(system))
+    signs = np.zeros((max(len(own) for _, own in parts), len(slope), slope.shape[-1]))
+    for rows, own in parts:
+        signs[: len(own), rows] = np.sign(np.linalg.svd(_stacked(slope[np.ix_(rows, own)]))[0].T[: len(own)])
+    return signs
+
+
+def _solved(system: System, inverse: Any, q: Any, left: Any, t: Any) -> Any:
+    """Return the levels (3, n, T) that leave so much (m, T) of the position's residual, with J^-1 (n, m, T) at q."""
+    for _ in range(CORRECTIONS):
+        q = q - times(inverse, system.phi(q, t) - left)
+    qd = velocity(system, q, t)
+    return np.array([q, qd, acceleration(system, q, qd, t)])
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:

@@ -54,13 +54,14 @@ from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed
 from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.judge.uncompared import unclosed
 from crosscheck.measure.check import check
-from refkin import Distance, FourBar, Polynomial, Table, compile_system
+from refkin import AngleDriver, Distance, FourBar, Polynomial, SliderCrank, Table, compile_system
 from refkin.motion import Status
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.bounded import Times
 from refkin.proof.numbers.exact import exact
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.linkages import RSSR
+from tests.crosscheck.exact_linkages import scotch_yoke
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
 
@@ -145,20 +146,51 @@ def test_first_order_ends_where_the_jacobian_changes_by_a_tenth_of_itself():
     assert _first_order(system, stacked, direction * ends * [1.001, 0.999], q, t).tolist() == [False, True]
 
 
+def leaving(ref, residual):
+    """Return the reference's answer with so much (m, T) left of the position's residual, in scaled coordinates."""
+    moved = np.array(ref.levels)
+    for k, t in enumerate(ref.motion.t.tolist()):
+        errors = np.outer([1.0, 0.0, 0.0], residual[:, k])
+        moved[..., k] = moved_levels(ref.system, [*moved[..., k]], t, errors)
+    levels = (ref.system.to_physical(level, order) for order, level in enumerate(moved))
+    return replace(ref.motion, **dict(zip(("q", "qd", "qdd"), levels, strict=True)))
+
+
 @pytest.mark.parametrize(("part", "beyond"), [(0.99, False), (2.5, True)])
 def test_an_error_within_a_stopping_rule_is_allowed_what_its_square_does(part, beyond):
     """To first order a rocker next to a crossing is not moved across: it was beyond by 13 times its acceleration."""
     ref, rule = reference(refkin.load(CORPUS / "exudyn-shipped-beside-a-crossing.toml")), replace(RULE, absolute=4e-9)
-    q, t = ref.levels[0], ref.motion.t
-    signs, moved = np.sign(np.linalg.svd(np.moveaxis(ref.system.phi_q(q, t), -1, 0))[0][..., -1]), np.array(ref.levels)
-    for k in range(len(t)):
-        errors = np.outer([1.0, 0.0, 0.0], part * rule.absolute * signs[k])
-        moved[..., k] = moved_levels(ref.system, [*moved[..., k]], float(t[k]), errors)
-    levels = (ref.system.to_physical(level, order) for order, level in enumerate(moved))
-    answer = replace(ref.motion, **dict(zip(("q", "qd", "qdd"), levels, strict=True)))
+    slope = np.moveaxis(ref.system.phi_q(ref.levels[0], ref.motion.t), -1, 0)
+    answer = leaving(ref, part * rule.absolute * np.sign(np.linalg.svd(slope)[0][..., -1]).T)
+    off = ref.system.to_unit(answer.qdd, 2) - ref.levels[2]
 
-    assert (np.abs(moved - ref.levels) > ref.propagation.budget([rule]).levels).any()
+    assert (np.abs(off) > ref.propagation.budget([rule]).levels[2]).any()
     assert compare(ref, answer, [rule]).agrees is not beyond
+
+
+TURN = Polynomial(coefficients=(0.0, 1.0))
+STROKE = replace(scotch_yoke().scene.mechanism, drivers=(AngleDriver(name="motor", body="crank", law=TURN),))
+STRETCHED = SliderCrank(crank=1.0, rod=2.5).scene(law=TURN, times=(0.0, 0.3))
+
+
+@pytest.mark.parametrize("scene", [refkin.Scene(mechanism=STROKE, times=(0.5 * math.pi, 2.0)), STRETCHED])
+@pytest.mark.parametrize(("part", "beyond"), [(0.99, False), (4.0, True)])
+def test_a_square_counts_wherever_the_first_order_cancels(scene, part, beyond):
+    """Far from any singular pose, too: where a yoke, or the rod of a slider-crank, is fastest it was beyond."""
+    ref, rule = reference(scene), replace(RULE, absolute=1e-5)
+    residual = np.zeros((ref.system.m, 2))
+    residual[-1] = part * rule.absolute
+
+    assert compare(ref, leaving(ref, residual), [rule]).quantities["velocity"].agrees is not beyond
+
+
+def test_a_residual_that_leads_to_no_pose_adds_nothing():
+    """A square is that of an error within the same assembly."""
+    ref = reference(FourBar(ground=2.0, crank=1.0, coupler=2.0, rocker=1.0 + 1e-9).scene(law=TURN, times=(1e-3,)))
+    budget = ref.propagation.budget([RULE])
+    more = ref.propagation.second_order(budget, [replace(RULE, absolute=1e-2)], np.array([True]))
+
+    assert np.array_equal(more.levels, budget.levels)
 
 
 def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row_in_the_norm_of_all():
@@ -610,7 +642,7 @@ def test_digits_of_an_acceleration_count_from_the_square_of_the_velocity_where_t
     mechanism = refkin.Mechanism(
         bodies=(crank,),
         joints=(refkin.Revolute(name="pivot", **at, **pair),),
-        drivers=(refkin.AngleDriver(name="turn", law=law, body="crank"),),
+        drivers=(AngleDriver(name="turn", law=law, body="crank"),),
     )
     ref = reference(refkin.Scene(name="crank", mechanism=mechanism, times=(0.0,)))
     off = replace(ref.motion, qdd=ref.motion.qdd + np.array([[0.0], [0.0], [1e-5]]))
