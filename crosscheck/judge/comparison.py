@@ -110,7 +110,7 @@ class Comparison:
     At `missing` times, the first of them `first_missing` [s], the reference is ok and the other answer is not;
     `compared` were held against a budget. At the times `elsewhere` (T,) it closes the linkage, but on another branch.
     `silences` has of each stretch without a right position in which an answer is missing the last time [s] before it
-    that has one, or the first time of all, and the first missing one.
+    that has one, or the first time of all, and the first missing one. `budget` is what it was held against.
     """
 
     quantities: Mapping[str, QuantityComparison]
@@ -119,6 +119,7 @@ class Comparison:
     elsewhere: Any
     first_missing: float = np.inf
     silences: Sequence[tuple[float, float]] = ()
+    budget: Any = None
 
     @property
     def other_assembly(self) -> bool:
@@ -181,13 +182,14 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     beyond = np.zeros(len(ok), bool)
     beyond[at] = np.any([~(quantity.ratio <= 1.0) for quantity in compared.values()], axis=0) & samples
     if beyond.any():
-        compared = _judge(ref, motion, ref.propagation.second_order(budget, terms, beyond), samples, at)
+        budget = ref.propagation.second_order(budget, terms, beyond)
+        compared = _judge(ref, motion, budget, samples, at)
     missing = ok[at] & ~answered
     right = compared["position"].ratio <= 1.0 if "position" in compared else np.zeros(len(missing), bool)
     silences = _silences(motion.t, missing, right)
     first = silences[0][1] if silences else np.inf
     other = _elsewhere(ref, motion, compared, at)
-    return Comparison(compared, int(missing.sum()), int(samples.sum()), other, first, silences)
+    return Comparison(compared, int(missing.sum()), int(samples.sum()), other, first, silences, budget)
 
 
 def _silences(t: Any, missing: Any, right: Any) -> list[tuple[float, float]]:

@@ -57,7 +57,7 @@ def points_off(
     """
     if not motion.points:
         return
-    budget, judged, apart = ref.budget(terms), times_with(motion, Status.OK), uncompared(ref, motion, terms)
+    budget, judged, apart = compared.budget, times_with(motion, Status.OK), uncompared(ref, motion, terms)
     owed = [quantity for quantity in LEVELS if quantity in able and quantity in compared.quantities]
     agreeing = [quantity for quantity in owed if compared.quantities[quantity].agrees]
     spinning, own = {body for spin in ref.passive for body in spin}, all_levels(ref.system, motion)

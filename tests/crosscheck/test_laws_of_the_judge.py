@@ -33,6 +33,7 @@ from crosscheck.engines.spatial.turning import (
     product,
     rates,
 )
+from crosscheck.judge.agreement import assert_agrees
 from crosscheck.judge.budget import BOTH_SIDES, _first_order, carried
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
@@ -55,7 +56,7 @@ from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.judge.uncompared import unclosed
 from crosscheck.measure.check import check
 from refkin import AngleDriver, Distance, FourBar, Polynomial, SliderCrank, Table, compile_system
-from refkin.motion import Status
+from refkin.motion import Status, point_motion
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.bounded import Times
 from refkin.proof.numbers.exact import exact
@@ -170,10 +171,12 @@ def test_an_error_within_a_stopping_rule_is_allowed_what_its_square_does(part, b
 
 TURN = Polynomial(coefficients=(0.0, 1.0))
 STROKE = replace(scotch_yoke().scene.mechanism, drivers=(AngleDriver(name="motor", body="crank", law=TURN),))
+POINT = refkin.Point(name="P", body="yoke", position=(0.1, 0.2))
+YOKE = refkin.Scene(mechanism=STROKE, times=(0.5 * math.pi, 2.0), points=(POINT,))
 STRETCHED = SliderCrank(crank=1.0, rod=2.5).scene(law=TURN, times=(0.0, 0.3))
 
 
-@pytest.mark.parametrize("scene", [refkin.Scene(mechanism=STROKE, times=(0.5 * math.pi, 2.0)), STRETCHED])
+@pytest.mark.parametrize("scene", [YOKE, STRETCHED])
 @pytest.mark.parametrize(("part", "beyond"), [(0.99, False), (4.0, True)])
 def test_a_square_counts_wherever_the_first_order_cancels(scene, part, beyond):
     """Far from any singular pose, too: where a yoke, or the rod of a slider-crank, is fastest it was beyond."""
@@ -182,6 +185,22 @@ def test_a_square_counts_wherever_the_first_order_cancels(scene, part, beyond):
     residual[-1] = part * rule.absolute
 
     assert compare(ref, leaving(ref, residual), [rule]).quantities["velocity"].agrees is not beyond
+
+
+def test_a_point_and_a_message_go_by_what_a_body_was_held_against():
+    """A yoke was within what its square is allowed, and a point of it was not; what is beyond was said to be 1e4."""
+    ref, residual = reference(YOKE), np.zeros((6, 2))
+    answers = []
+    for part in (0.99, 4.0):
+        residual[-1] = part * 1e-5
+        answer = leaving(ref, residual)
+        moved = point_motion(POINT.position, *(level[3:] for level in answer.levels))
+        answers.append(replace(answer, points={"P": moved}))
+    assert_agrees(answers[0], YOKE, residual=1e-5)
+
+    compared = compare(ref, answers[1], [replace(RULE, absolute=1e-5)]).quantities["velocity"]
+    with pytest.raises(AssertionError, match=f"yoke.xd .* {compared.ratio[0]:.3g} times the allowed"):
+        assert_agrees(answers[1], YOKE, residual=1e-5)
 
 
 def test_a_residual_that_leads_to_no_pose_adds_nothing():
