@@ -3,7 +3,8 @@
 In and next to a singular pose an error has no first-order bound, and where the reference is lost or locked there is
 nothing to compare with: an engine may go on there, on any branch. A residual has a bound everywhere: rounding leaves as
 little of it as anywhere. So joints are asked, those between the bodies that an answer has: by its pose, and by its
-rates at that pose. Rows with a coordinate of their own, whose rates no answer has, say nothing of rates.
+rates at that pose. Rows with a coordinate of their own, whose rates no answer has, say nothing of rates; nor do those
+of a part with a body that an answer has not: its rates may be the largest, of which the others are rounded.
 """
 
 from __future__ import annotations
@@ -80,8 +81,9 @@ def _closed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> tuple[Any,
     t, closed = motion.t[asked], asked.copy()
     if t.size:
         whole = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
-        q, rows = np.nan_to_num(whole, nan=1.0), rows_among(ref.system, whole)
+        q = np.nan_to_num(whole, nan=1.0)
         system = _system(ref, terms).held_at(q)  # no spin violates anything
+        rows = rows_among(system, whole)
         rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
         formulas = residual_error(system, q, t)
         off = formulas + table_error(system, Times(t, 0), 0)
@@ -118,9 +120,11 @@ def _opened(ref: Reference, motion: Motion, terms: Sequence[Term], asked: Any, o
     phi'' = -M'' phi - 2 M' phi': M' is up to `TURNING` times a rate, and phi is what the pose leaves.
     """
     t, place = motion.t[asked], parts_of(ref.system)
-    q = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
-    q[ref.system.of_bodies :] = np.nan
-    rows, q = rows_among(ref.system, q), np.nan_to_num(q, nan=1.0)
+    q, bodies = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked]), ref.system.of_bodies
+    q[bodies:] = np.nan
+    lacking = place.coordinates[:bodies][np.isnan(q[:bodies]).any(axis=1)]
+    rows = rows_among(ref.system, q) & ~np.isin(place.rows, lacking)
+    q = np.nan_to_num(q, nan=1.0)
     system = ref.system.held_at(q)
     for p in system.placed:
         rows[p.row : p.row + p.constraint.rows] &= not p.constraint.passive

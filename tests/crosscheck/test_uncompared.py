@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.engines import Term
 from crosscheck.engines.loading import load
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
@@ -73,9 +74,9 @@ def test_rates_that_are_not_there_are_no_numbers_but_where_there_are_none(name):
     assert found(corpus("singular-in-the-end"), none, Status.SINGULAR) == set()
 
 
-def lost(name, status):
+def lost(scene, status):
     """Return the reference of a scene as if it knew no motion, or no pose either, and its answer, all of it ok."""
-    ref = reference(some(refkin.load(files()[name])))
+    ref = reference(some(refkin.load(files()[scene])) if isinstance(scene, str) else scene)
     levels = [level if status is Status.LOCKED else np.full_like(level, np.nan) for level in ref.levels]
     motion, *others = (replace(ref.motion, status=(s,) * len(ref.motion.t)) for s in (Status.OK, status))
     return replace(ref, motion=others[0], levels=tuple(levels), _budgets={}), motion
@@ -162,6 +163,30 @@ def beside(scene, other):
 
 
 REGULAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+
+
+def test_rates_are_asked_of_parts_of_which_all_bodies_answer():
+    """At its dead centre a slider stands still, and is rounded as a crank is whose rate the answer does not tell."""
+    crank = refkin.SliderCrank(crank=1.0, rod=2.5).scene(
+        law=refkin.Polynomial(coefficients=(0.0, 1e3)), times=(0.0, 0.1)
+    )
+    ref, motion = lost(beside(crank, REGULAR.scene(times=crank.times)), Status.BRANCH_LOST)
+    last = {letter: getattr(motion, letter)[6:] for letter in ("q", "qd", "qdd")}
+    fewer = replace(motion, bodies=motion.bodies[2:], **last)
+    for row, off, said in ((1, 1e-13, []), (2, 1e-13, []), (-1, 1e-9, [Cause.UNCLOSED] * 2)):
+        answer = replace(fewer, qd=fewer.qd + off * (np.arange(12) == row % 12)[:, None])
+        assert [fault["kind"] for fault in opening(ref, answer)] == said
+
+
+@pytest.mark.parametrize("name", ["space-printed-flipped", "space-bodies-at-rest"])
+def test_a_pose_is_closed_in_the_form_of_a_rule_however_many_rows_that_has(name):
+    """An index was out of range: half angles are fewer rows than printed ones."""
+    ref, motion = lost(corpus(name), Status.BRANCH_LOST)
+    rule = Term(name="rule", level="position", reason="made up", absolute=1e-12, form="half")
+
+    assert list(unclosed(ref, motion, [rule])) == []
+    (fault,) = unclosed(ref, replace(motion, q=motion.q + 1e-9), [rule])
+    assert fault["kind"] is Cause.UNCLOSED
 
 
 @pytest.mark.parametrize("arbiter", [False, True])
