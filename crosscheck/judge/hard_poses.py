@@ -37,7 +37,6 @@ from crosscheck.judge import rounding
 from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.comparison import Reference
 from crosscheck.judge.parts import parts_of
-from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import alike, passive_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
 from refkin.joints import PLANE
@@ -244,8 +243,6 @@ def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, rows: 
 
 
 STEP = 1e-100
-ROUNDINGS = 6 * U
-"""Cosine or sine, product and sum for each body's arm, on both sides of a comparison."""
 
 
 def residual_error(system: System, q: Any, t: float) -> Any:
@@ -277,7 +274,8 @@ def least_error(system: System, q: Any, t: float, left: Any = 0.0) -> Any:
         What is left of the residual beside rounding.
     """
     e, slope = residual_error(system, q, t) + left, system.phi_q(q, t)
-    out = _output_rounding(system, q)
+    still = np.zeros((system.n, 1))
+    out = rounding.output_rounding(system, q[:, None], still, still)[0][:, 0]
     for rows, own in parts_of(system):
         u, s, vt = np.linalg.svd(slope[np.ix_(rows, own)], full_matrices=False)
         v = np.zeros(system.n)
@@ -302,9 +300,3 @@ def fold(s: float, k: float, f: float) -> float:
     if s * s > 2 * k * f:
         return float(2 * f / (s + np.sqrt(s * s - 2 * k * f)))
     return float((s + np.sqrt(s * s + 2 * k * f)) / k) if k else np.inf
-
-
-def _output_rounding(system: System, q: Any) -> Any:
-    """Return what it costs (n,) to state the pose in metres, seen from the scene's origin."""
-    metres = np.abs(system.to_physical(q)) / np.where(system.turns == 0.0, system.unit.size, 1.0)
-    return ROUNDINGS * np.maximum(len(system.mechanism.bodies), metres)

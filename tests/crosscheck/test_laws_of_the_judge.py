@@ -40,7 +40,6 @@ from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.hard_poses import (
     TOO_WIDE,
     _judged,
-    _output_rounding,
     least_error,
     residual_error,
     samples,
@@ -267,6 +266,17 @@ def test_a_massless_link_is_an_arm_as_a_body_is():
     assert output_rounding(system, still, turning, still)[1] / (6 * U) == pytest.approx(len(mechanism.bodies) + links)
 
 
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_parameter_of_a_turn_is_rounded_as_itself_whatever_the_size(size):
+    """Of a mechanism of a micrometre it was allowed a million roundings."""
+    mechanism = refkin.load(CORPUS / "space-turns-of-a-tiny-linkage.toml").mechanism
+    system = compile_system(mechanism, unit=replace(mechanism.unit(), size=size))
+    still, turns = np.zeros((system.n, 1)), system.turns == 2.0
+    rounding = output_rounding(system, 1.0 * turns[:, None], still, still)[0]
+
+    assert rounding[turns] / (6 * U) == pytest.approx(len(mechanism.bodies) + 1)  # a massless link
+
+
 def off_the_exact(law, times, order):
     with ctx.workprec(200):
         return np.array([abs(float(arb(float(law(t, order))) - exact(law)(arb(t), order))) for t in times])
@@ -430,7 +440,7 @@ def test_the_least_error_holds_every_residual_of_round_off_at_a_regular_pose(cra
     )
     system, q = ref.system, ref.levels[0][:, 0]
     corners = np.abs(np.linalg.inv(system.phi_q(q, 0.7))) @ residual_error(system, q, 0.7)
-    granted = least_error(system, q, 0.7) - _output_rounding(system, q)
+    granted = least_error(system, q, 0.7) - output_rounding(system, *3 * [q[:, None]])[0][:, 0]
 
     assert np.all(corners <= granted * (1 + 1e-9))
     assert np.max(granted) < 20 * np.max(corners)

@@ -14,9 +14,11 @@ from crosscheck.engines import Level
 from crosscheck.engines.loading import load
 from crosscheck.judge import levels
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold
+from crosscheck.judge.hard_poses import _judged, fold
 from crosscheck.judge.known_gaps import finding_of, read_findings
 from crosscheck.judge.levels import compare_levels, configurations
+from crosscheck.judge.rounding import output_rounding
+from crosscheck.judge.running_error import U
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, compile_system
 from refkin.proof.pose.krawczyk import Verdict
@@ -37,11 +39,11 @@ def test_an_angle_is_stated_in_radians_and_a_place_in_sizes():
     far = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(4e3, 0.0)).scene(samples=2)
     system = compile_system(far.mechanism, unit=far.mechanism.unit())
     q = np.array([0.0, 0.0, 40.0] * 3)
-    costs = _output_rounding(system, q).reshape(3, 3)
+    costs = output_rounding(system, *3 * [q[:, None]])[0].reshape(3, 3)
 
-    assert costs[:, 2] == pytest.approx(ROUNDINGS * 40.0, rel=1e-12, abs=0.0)
-    assert costs[:, 0] == pytest.approx(ROUNDINGS * 4e3 / far.mechanism.size(), rel=1e-12, abs=0.0)
-    assert costs[:, 1] == pytest.approx(ROUNDINGS * 3.0, rel=1e-12, abs=0.0)
+    assert costs[:, 2] == pytest.approx(6 * U * 40.0, rel=1e-12, abs=0.0)
+    assert costs[:, 0] == pytest.approx(6 * U * 4e3 / far.mechanism.size(), rel=1e-12, abs=0.0)
+    assert costs[:, 1] == pytest.approx(6 * U * 3.0, rel=1e-12, abs=0.0)
 
 
 def rows(fault: float):
