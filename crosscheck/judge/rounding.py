@@ -190,7 +190,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
         The solution, in the system's coordinates.
     """
     own, metres = parts_of(system).coordinates, np.abs(system.to_physical(q))
-    size = np.where(system.turns == 0.0, system.unit.size, 1.0)[:, None]
+    size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links_of(system)[own][:, None]
     is_angle = system.angles[:, None]
     largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
