@@ -9,7 +9,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.errors import kept
-from crosscheck.judge.budget import times_with
+from crosscheck.judge.budget import ErrorBudget, times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import misshapen, undelivered
 from crosscheck.judge.points import points_off
@@ -108,7 +108,7 @@ def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) ->
     for order, name in enumerate(QUANTITIES):
         quantity = compared.quantities.get(name)
         if quantity is not None and not quantity.agrees and quantity.worst is not None:
-            yield _sentence(ref, motion, order, quantity)
+            yield _sentence(ref, motion, order, quantity, compared.budget)
     if compared.other_assembly:
         yield "it is the other assembly: the joints are satisfied, but the linkage is put together another way"
     if compared.missing:
@@ -128,7 +128,7 @@ def _said(fault: Mapping[str, Any]) -> str:
     return f"{fault['quantity']}: {fault['kind']}: {fault['message']}"
 
 
-def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComparison) -> str:
+def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComparison, budget: ErrorBudget) -> str:
     at = quantity.worst
     assert at is not None
     assert at.time is not None
@@ -137,10 +137,10 @@ def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComp
     axis, k = kind.coordinates.index(name), int(np.flatnonzero(ref.motion.t == at.time)[0])
     row = kind.width * ref.motion.bodies.index(body) + axis
     unit, size = UNITS[kind.name][order][axis], 1.0 if kind.turns[axis] else ref.system.unit.size
-    off, ratio = abs(float(quantity.difference[row, k])) * size, float(quantity.ratio[k])
+    off, allowed = abs(float(quantity.difference[row, k])) * size, float(budget.levels[order, row, k]) * size
     place = f"{body}.{name}{'d' * order}"
     violated = violations(ref, motion, order, at.time).text
     return (
-        f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {ratio:.3g} times the allowed "
-        f"{off / ratio:.3g} {unit}{f'; {violated}' if violated else ''}"
+        f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {quantity.ratio[k]:.3g} times the allowed "
+        f"{allowed:.3g} {unit}{f'; {violated}' if violated else ''}"
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import ErrorBudget, Propagation, propagation, times_with
+from crosscheck.judge.budget import BOTH_SIDES, ErrorBudget, Propagation, propagation, times_with
 from crosscheck.judge.poses import with_contacts, with_counts, with_turns
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, half_angles, passive_lines, spun
@@ -181,6 +181,8 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     compared = _judge(ref, motion, budget, samples, at)
     beyond = np.zeros(len(ok), bool)
     beyond[at] = np.any([~(quantity.ratio <= 1.0) for quantity in compared.values()], axis=0) & samples
+    if "position" in compared:  # of a pose that is elsewhere no square says anything
+        beyond[at] &= ~(compared["position"].error > BOTH_SIDES * np.max(budget.levels[0][:, at], axis=0))
     if beyond.any():
         budget = ref.propagation.second_order(budget, terms, beyond)
         compared = _judge(ref, motion, budget, samples, at)
