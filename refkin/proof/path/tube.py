@@ -117,7 +117,7 @@ class ConnectionProof:
         if used <= ENOUGH / 2 * self.most:
             self.early = self.covered
         little = self.covered < LITTLE * self.asked and self.covered <= GROWING * self.early
-        return used >= ENOUGH * self.most and little
+        return used >= max(DEEPEST, ENOUGH * self.most) and little  # the first may be halvings alone
 
     def _between(self, first: Enclosure, last: Enclosure) -> Enclosure | None:
         """Return the pose that is found halfway from the first."""
