@@ -18,7 +18,7 @@ x_n = (s + sqrt(s^2 + 2 K f)) / K; at the fold sqrt(2 f / K). What x_n moves the
 |phi_qq[v, v]| x_n^2 / 2, carried by their own s_k.
 
 e is the running error of the formulas with the one safety factor of the budgets, on both sides, and what the result is
-rounded to is added, as there (`crosscheck.judge.budget`). Each part of a mechanism has a last singular vector of its
+rounded to is added, as there (`crosscheck.judge.rounding`). Each part of a mechanism has a last singular vector of its
 own (`crosscheck.judge.parts`): where several are singular at once, each is at its own fold, and others are regular.
 """
 
