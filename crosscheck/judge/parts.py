@@ -32,10 +32,11 @@ class Parts:
 
 def parts_of(system: System) -> Parts:
     """Return the parts of a system; one, if any of them has not as many rows as coordinates."""
-    first, rows = np.arange(system.n), np.zeros(system.m, int)
+    first, rows = list(range(system.n)), np.zeros(system.m, int)
     spans = [(p, _coordinates(system, p)) for p in system.placed]
-    for _, own in spans:
-        first[np.isin(first, first[own])] = np.min(first[own], initial=system.n)
+    for _, own in spans:  # numbers are few, and arrays of them slower
+        met = {first[k] for k in own}
+        first = [min(met) if k in met else k for k in first]
     known, coordinates = np.unique(first, return_inverse=True)
     for p, own in spans:
         rows[p.row : p.row + p.constraint.rows] = coordinates[own[0]] if own else 0
@@ -43,12 +44,14 @@ def parts_of(system: System) -> Parts:
     return Parts(rows, coordinates) if np.array_equal(counts[0], counts[1]) else Parts(0 * rows, 0 * coordinates)
 
 
-def links_of(system: System) -> Any:
-    """Return how many massless links each part has, distances that no law changes."""
-    rows, links = parts_of(system).rows, np.zeros(system.n, int)
+def links_of(system: System, parts: Parts) -> Any:
+    """Return how many massless links each of its parts has, distances that no law changes."""
+    links = np.zeros(system.n, int)
     for p in system.placed:
         kinds = elements_of([p.constraint])
-        links[rows[p.row]] += any(isinstance(e, PointDistance | SpatialPointDistance) and not e.laws for e in kinds)
+        links[parts.rows[p.row]] += any(
+            isinstance(e, PointDistance | SpatialPointDistance) and not e.laws for e in kinds
+        )
     return links
 
 

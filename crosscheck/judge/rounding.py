@@ -189,9 +189,10 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     q, qd, qdd : (n, T) array
         The solution, in the system's coordinates.
     """
-    own, metres = parts_of(system).coordinates, np.abs(system.to_physical(q))
+    place, metres = parts_of(system), np.abs(system.to_physical(q))
+    own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
-    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links_of(system)[own][:, None]
+    arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
     is_angle = system.angles[:, None]
     largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
     position = np.maximum(arms, np.where(is_angle, largest_angle, metres / size))

@@ -10,6 +10,8 @@ of a part with a body that an answer has not: its rates may be the largest, of w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,106 +42,164 @@ def uncompared_faults(ref: Reference, motion: Motion, terms: Sequence[Term] = ()
     Parameters
     ----------
     ref, motion, terms
-        As for `uncompared`.
+        As for `Uncompared`.
     """
-    for asked in (numberless, unclosed, opening, elsewhere):
-        yield from asked(ref, motion, terms)
+    those = Uncompared(ref, motion, terms)
+    for asked in (those.numberless, those.unclosed, those.opening, those.elsewhere):
+        yield from asked()
 
 
-def numberless(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
-    """Yield where an uncompared answer has no number; rates where there are none need none.
+@dataclass(frozen=True)
+class Uncompared:
+    """The answers of an engine that are held against no budget.
 
-    Parameters
+    Attributes
     ----------
-    ref, motion, terms
-        As for `uncompared`.
+    ref, motion : Reference, Motion
+    terms : sequence of Term
+        What the engine adds.
     """
-    asked, without_rates = uncompared(ref, motion, terms), _without_rates(ref)
-    for order, (quantity, level) in enumerate(zip(QUANTITIES, motion.levels, strict=True)):
-        here = asked & ~without_rates if order else asked
-        nothing = here & (False if level is None else ~np.isfinite(level).all(axis=0))
-        if nothing.any():
-            yield _at(motion, nothing, quantity, Cause.NO_NUMBER)
 
+    ref: Reference
+    motion: Motion
+    terms: Sequence[Term] = ()
 
-def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
-    """Yield where an uncompared pose leaves more of a joint than rounding does, and what the engine adds.
+    @cached_property
+    def asked(self) -> Any:
+        """At which times (T,) they are."""
+        return uncompared(self.ref, self.motion, self.terms)
 
-    Parameters
-    ----------
-    ref, motion, terms
-        As for `uncompared`.
-    """
-    wrong_at = _closed(ref, motion, terms)[1]
-    if wrong_at.any():
-        yield _at(motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
+    @cached_property
+    def without_rates(self) -> Any:
+        """At which times (T,) the reference has a pose in which there may be no rates."""
+        return times_with(self.ref.motion, Status.SINGULAR) | times_with(self.ref.motion, Status.LOCKED)
 
+    @cached_property
+    def system(self) -> System:
+        """The equations in whose form the engine leaves a residual."""
+        system, form = self.ref.system, next((term.form for term in self.terms if term.form), "")
+        return compile_system(in_form(system.mechanism, form), unit=system.unit) if form else system
 
-def _closed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> tuple[Any, Any]:
-    """Return at which times (T,) an uncompared pose is closed, and at which it is not."""
-    asked = uncompared(ref, motion, terms) & np.isfinite(motion.q).all(axis=0)
-    t, closed = motion.t[asked], asked.copy()
-    if t.size:
-        whole = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked])
-        q = np.nan_to_num(whole, nan=1.0)
-        system = _system(ref, terms).held_at(q)  # no spin violates anything
-        rows = rows_among(system, whole)
-        rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
-        formulas = residual_error(system, q, t)
-        off = formulas + table_error(system, Times(t, 0), 0)
-        added = _added(terms, formulas)
-        closed[asked] = np.all((np.abs(system.phi(q, t)) <= off + rounded + added)[rows], axis=0)
-    return closed, asked & ~closed
+    def numberless(self) -> Iterator[dict[str, Any]]:
+        """Yield where one has no number; rates where there are none need none."""
+        for order, (quantity, level) in enumerate(zip(QUANTITIES, self.motion.levels, strict=True)):
+            here = self.asked & ~self.without_rates if order else self.asked
+            nothing = here & (False if level is None else ~np.isfinite(level).all(axis=0))
+            if nothing.any():
+                yield _at(self.motion, nothing, quantity, Cause.NO_NUMBER)
 
+    def unclosed(self) -> Iterator[dict[str, Any]]:
+        """Yield where a pose leaves more of a joint than rounding does, and what the engine adds."""
+        wrong_at = self.asked & np.isfinite(self.motion.q).all(axis=0) & ~self.closed
+        if wrong_at.any():
+            yield _at(self.motion, wrong_at, QUANTITIES[0], Cause.UNCLOSED)
 
-def opening(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
-    """Yield where rates of a closed uncompared pose leave more of their equations than rounding and the engine do.
+    @cached_property
+    def closed(self) -> Any:
+        """At which times (T,) a pose is closed."""
+        closed = self.asked & np.isfinite(self.motion.q).all(axis=0)
+        t = self.motion.t[closed]
+        if t.size:
+            whole = whole_poses(self.ref.system, self.motion, closed, self.ref.levels[0][:, closed])
+            q = np.nan_to_num(whole, nan=1.0)
+            system = self.system.held_at(q)  # no spin violates anything
+            rows, still = rows_among(system, whole), 0.0 * q
+            rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, still, still)[0])
+            formulas = residual_error(system, q, t)
+            off = formulas + table_error(system, Times(t, 0), 0)
+            allowed = off + rounded + self._added(formulas)
+            closed[closed] = np.all((np.abs(system.phi(q, t)) <= allowed)[rows], axis=0)
+        return closed
 
-    Parameters
-    ----------
-    ref, motion, terms
-        As for `uncompared`.
-    """
-    closed, none = _closed(ref, motion, terms)[0], _without_rates(ref)
-    for order, quantity in enumerate(QUANTITIES[1:], 1):
-        levels = [level for level in motion.levels[1 : order + 1] if level is not None]
-        if len(levels) < order:
+    def _added(self, formulas: Any) -> Any:
+        """Return what the engine leaves of the residual by its own doing, where the formulas leave so much."""
+        return sum(term.absolute + term.relative * formulas for term in self.terms if term.level == QUANTITIES[0])
+
+    def opening(self) -> Iterator[dict[str, Any]]:
+        """Yield where rates of a closed pose leave more of their equations than rounding and the engine do."""
+        for order, quantity in enumerate(QUANTITIES[1:], 1):
+            levels = [level for level in self.motion.levels[1 : order + 1] if level is not None]
+            if len(levels) < order:
+                return
+            asked = self.closed & np.isfinite(levels).all(axis=(0, 1))
+            asked &= ~(self.without_rates & np.isnan(self.ref.levels[order]).any(axis=0))
+            wrong_at = asked & self.opened[order - 1] if asked.any() else asked
+            if wrong_at.any():
+                yield _at(self.motion, wrong_at, quantity, Cause.UNCLOSED)
+
+    @cached_property
+    def opened(self) -> Any:
+        """At which times (T,) a closed pose has velocities that open a joint, and at which accelerations, (2, T)."""
+        qd, system = np.asarray(self.motion.levels[1]), self.ref.system
+        moving = self.closed & np.isfinite(qd).all(axis=0)
+        q = whole_poses(system, self.motion, moving, self.ref.levels[0][:, moving])
+        q[system.of_bodies :] = np.nan  # no answer has rates of coordinates that joints bring
+        known, q = np.isfinite(q).all(axis=1), np.nan_to_num(q, nan=1.0)
+        levels = np.nan_to_num(all_levels(system, self.motion)[..., moving], posinf=0.0, neginf=0.0)
+        opened = np.zeros((2, len(moving)), bool)
+        opened[:, moving] = self._opened(system.held_at(q), self._rows(known), q, levels, self.motion.t[moving])
+        return opened
+
+    def _rows(self, known: Any) -> Any:
+        """Return which rows (m,) say something of the rates of coordinates (n,) that are known."""
+        system, place = self.ref.system, parts_of(self.ref.system)
+        bodies = system.of_bodies
+        rows = rows_among(system, np.where(known, 0.0, np.nan)[:, None])
+        rows &= ~np.isin(place.rows, place.coordinates[:bodies][~known[:bodies]])
+        for p in system.placed:
+            rows[p.row : p.row + p.constraint.rows] &= not p.constraint.passive
+        return rows
+
+    def _opened(self, system: System, rows: Any, q: Any, levels: Any, t: Any) -> list[Any]:
+        """Return at which times (K,) velocities open some rows, and at which accelerations do.
+
+        An engine's rows may turn with its joints, y = M phi, and its rates then satisfy not ours, but phi' = -M' phi
+        and phi'' = -M'' phi - 2 M' phi': M' is up to `TURNING` times a rate, and phi is what the pose leaves.
+        """
+        place, opened = parts_of(system), []
+        qd, qdd = (system.to_unit(level, k) for k, level in enumerate(levels[1:], 1))
+        rounding, slope = output_rounding(system, q, qd, qdd), system.phi_q(q, t)
+        rate, bend = (by_part(largest, x, place.coordinates, place.rows) for x in (qd, qdd))
+        left = by_part(largest, np.where(rows[:, None], system.phi(q, t), 0.0), place.rows, place.rows)
+        turned = TURNING * rate * left, TURNING * (1.0 + 2.0 * TURNING) * (bend + rate**2) * left
+        for order, own in enumerate(rate_rows(system, q, qd, qdd, t, rounding), 1):
+            allowed = own.error + np.einsum("mnt,nt->mt", np.abs(slope), rounding[order])
+            allowed += by_part(solve_error, own.size, place.rows, place.rows) + turned[order - 1]
+            for term in (term for term in self.terms if term.level == QUANTITIES[order]):
+                allowed += term.absolute + term.relative * own.size + term.of_rates * (rate, bend + rate**2)[order - 1]
+            beyond = np.abs(own.left) > allowed + _contradiction(slope, own.right, rows)
+            opened.append(beyond[rows].any(axis=0))
+        return opened
+
+    def elsewhere(self) -> Iterator[dict[str, Any]]:
+        """Yield where a pose is closed, but further from the reference's than its residual can take it.
+
+        At a fold that is far along the one way, the root of the residual, and near along all others (`least_error`):
+        so loops that are regular there are held as everywhere. Either side may be off by as much. A coordinate that is
+        free there is not held, nor is one of a pose that the reference calls locked, or has lost: other branches are
+        as good.
+        """
+        ref, motion = self.ref, self.motion
+        known = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
+        places = np.flatnonzero(self.closed & known)
+        if not places.size:
             return
-        asked = closed & np.isfinite(levels).all(axis=(0, 1))
-        asked &= ~(none & np.isnan(ref.levels[order]).any(axis=0))
-        if asked.any():
-            asked[asked] = _opened(ref, motion, terms, asked, order)
-            if asked.any():
-                yield _at(motion, asked, quantity, Cause.UNCLOSED)
+        theirs, ours = scaled(ref, motion.bodies, {0: motion.q})
+        off = np.abs(difference(ref.system, theirs[0], ours[0], 0))[:, places]
+        allowed = np.array([self._allowed(k) for k in places.tolist()]).T[rows_of(ref.system, motion.bodies)]
+        ratio = np.where(allowed < TOO_WIDE, off / allowed, 0.0)
+        row, k = np.unravel_index(np.argmax(ratio), ratio.shape)
+        if ratio[row, k] > 1.0:
+            names = [f"{body}.{coordinate}" for body in motion.bodies for coordinate in ref.system.kind.coordinates]
+            wrong_at = np.isin(np.arange(len(motion.t)), places[(ratio > 1.0).any(axis=0)])
+            seen = {"ratio": short(float(ratio[row, k])), "at": At(names[row], float(motion.t[places[k]]))}
+            yield {**_at(motion, wrong_at, QUANTITIES[0], Cause.OTHER_ASSEMBLY), **seen}
 
-
-def _opened(ref: Reference, motion: Motion, terms: Sequence[Term], asked: Any, order: int) -> Any:
-    """Return at which of some times the rates of a level open a joint.
-
-    An engine's rows may turn with its joints, y = M phi, and its rates then satisfy not ours, but phi' = -M' phi and
-    phi'' = -M'' phi - 2 M' phi': M' is up to `TURNING` times a rate, and phi is what the pose leaves.
-    """
-    t, place = motion.t[asked], parts_of(ref.system)
-    q, bodies = whole_poses(ref.system, motion, asked, ref.levels[0][:, asked]), ref.system.of_bodies
-    q[bodies:] = np.nan
-    lacking = place.coordinates[:bodies][np.isnan(q[:bodies]).any(axis=1)]
-    rows = rows_among(ref.system, q) & ~np.isin(place.rows, lacking)
-    q = np.nan_to_num(q, nan=1.0)
-    system = ref.system.held_at(q)
-    for p in system.placed:
-        rows[p.row : p.row + p.constraint.rows] &= not p.constraint.passive
-    qd, qdd = (system.to_unit(level[:, asked], k) for k, level in enumerate(all_levels(system, motion)[1:], 1))
-    rounding, slope = output_rounding(system, q, qd, qdd), system.phi_q(q, t)
-    own = rate_rows(system, q, qd, qdd, t, rounding)[order - 1]
-    rate, bend = (by_part(largest, x, place.coordinates, place.rows) for x in (qd, qdd))
-    rates, left = (rate, bend + rate**2)[order - 1], np.where(rows[:, None], system.phi(q, t), 0.0)
-    allowed = own.error + np.einsum("mnt,nt->mt", np.abs(slope), rounding[order])
-    allowed += by_part(solve_error, own.size, place.rows, place.rows)
-    turned = TURNING * (1.0, 1.0 + 2.0 * TURNING)[order - 1] * rates
-    allowed += turned * by_part(largest, left, place.rows, place.rows)
-    for term in (term for term in terms if term.level == QUANTITIES[order]):
-        allowed += term.absolute + term.relative * own.size + term.of_rates * rates
-    return (np.abs(own.left) > allowed + _contradiction(slope, own.right, rows))[rows].any(axis=0)
+    def _allowed(self, k: int) -> Any:
+        """Return how far poses of the engine and of the reference, the k-th, may be apart, (n,)."""
+        q, t = self.ref.levels[0][:, k], float(self.ref.motion.t[k])
+        formulas = residual_error(self.system, q[:, None], self.ref.motion.t[[k]])[:, 0]
+        return allowed_at(self.system, q, t, self._added(formulas)) + allowed_at(self.ref.system, q, t)
 
 
 def _contradiction(slope: Any, right: Any, rows: Any) -> Any:
@@ -155,57 +215,6 @@ def _contradiction(slope: Any, right: Any, rows: Any) -> Any:
     u = u * (s > m * np.finfo(float).eps * s[:, :1])[:, None]
     right = right[rows].T[..., None]
     return 4.0 * np.linalg.norm(right - u @ (u.swapaxes(1, 2) @ right), axis=(1, 2))
-
-
-def _without_rates(ref: Reference) -> Any:
-    """Return at which times (T,) the reference has a pose in which there may be no rates."""
-    return times_with(ref.motion, Status.SINGULAR) | times_with(ref.motion, Status.LOCKED)
-
-
-def _added(terms: Sequence[Term], formulas: Any) -> Any:
-    """Return what an engine leaves of the residual by its own doing, where the formulas leave so much."""
-    return sum(term.absolute + term.relative * formulas for term in terms if term.level == QUANTITIES[0])
-
-
-def elsewhere(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
-    """Yield where an uncompared pose is closed, but further from the reference's than its residual can take it.
-
-    At a fold that is far along the one way, the root of the residual, and near along all others (`least_error`): so
-    loops that are regular there are held as everywhere. Either side may be off by as much. A coordinate that is free
-    there is not held, nor is one of a pose that the reference calls locked, or has lost: other branches are as good.
-
-    Parameters
-    ----------
-    ref, motion, terms
-        As for `uncompared`.
-    """
-    known = times_with(ref.motion, Status.OK) | times_with(ref.motion, Status.SINGULAR)
-    places = np.flatnonzero(_closed(ref, motion, terms)[0] & known)
-    if not places.size:
-        return
-    theirs, ours = scaled(ref, motion.bodies, {0: motion.q})
-    off = np.abs(difference(ref.system, theirs[0], ours[0], 0))[:, places]
-    allowed = np.array([_allowed(ref, terms, k) for k in places.tolist()]).T[rows_of(ref.system, motion.bodies)]
-    ratio = np.where(allowed < TOO_WIDE, off / allowed, 0.0)
-    row, k = np.unravel_index(np.argmax(ratio), ratio.shape)
-    if ratio[row, k] > 1.0:
-        names = [f"{body}.{coordinate}" for body in motion.bodies for coordinate in ref.system.kind.coordinates]
-        wrong_at = np.isin(np.arange(len(motion.t)), places[(ratio > 1.0).any(axis=0)])
-        seen = {"ratio": short(float(ratio[row, k])), "at": At(names[row], float(motion.t[places[k]]))}
-        yield {**_at(motion, wrong_at, QUANTITIES[0], Cause.OTHER_ASSEMBLY), **seen}
-
-
-def _allowed(ref: Reference, terms: Sequence[Term], k: int) -> Any:
-    """Return how far poses of the engine and of the reference, the k-th, may be apart, (n,)."""
-    system, q, t = _system(ref, terms), ref.levels[0][:, k], float(ref.motion.t[k])
-    formulas = residual_error(system, q[:, None], ref.motion.t[[k]])[:, 0]
-    return allowed_at(system, q, t, _added(terms, formulas)) + allowed_at(ref.system, q, t)
-
-
-def _system(ref: Reference, terms: Sequence[Term]) -> System:
-    """Return the equations in whose form the engine leaves a residual."""
-    form = next((term.form for term in terms if term.form), "")
-    return compile_system(in_form(ref.system.mechanism, form), unit=ref.system.unit) if form else ref.system
 
 
 def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:

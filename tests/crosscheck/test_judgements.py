@@ -222,7 +222,7 @@ def owed(ref: Reference, scene: Scene, off: Motion, few: Motion) -> Any:
     faults = [
         *delivery.undelivered(QUANTITIES, scene, few),
         *uncompared.believed(ref, off),
-        *uncompared.unclosed(ref, off, TERMS[1]),
+        *uncompared.Uncompared(ref, off, TERMS[1]).unclosed(),
         *wrong_way,
     ]
     terms = (*TERMS[1], *TERMS[2], Term(name="stopping rule", level="position", reason="", absolute=1e-8), *IN_FORM)

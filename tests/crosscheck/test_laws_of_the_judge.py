@@ -52,7 +52,7 @@ from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram, input_sensitivity, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.judge.truth import CertifiedTruth
-from crosscheck.judge.uncompared import unclosed
+from crosscheck.judge.uncompared import Uncompared
 from crosscheck.measure.check import check
 from refkin import AngleDriver, Distance, FourBar, Polynomial, SliderCrank, Table, compile_system
 from refkin.motion import Status, point_motion
@@ -370,7 +370,10 @@ def test_a_singular_pose_closes_up_to_rounding_and_what_the_engine_adds(terms, w
     moved = [replace(ref.motion, q=ref.motion.q + off * move, status=(Status.OK,) * 2) for off in (within, beyond)]
 
     assert ref.motion.status[1] is Status.SINGULAR
-    assert [[fault["kind"] for fault in unclosed(ref, motion, terms)] for motion in moved] == [[], [Cause.UNCLOSED]]
+    assert [[fault["kind"] for fault in Uncompared(ref, motion, terms).unclosed()] for motion in moved] == [
+        [],
+        [Cause.UNCLOSED],
+    ]
 
 
 def row_values(x, rate, gamma, slope, off):

@@ -13,7 +13,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.loading import load
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
-from crosscheck.judge.uncompared import opening, unclosed
+from crosscheck.judge.uncompared import Uncompared
 from crosscheck.measure.check import check
 from refkin.model import Mechanism
 from refkin.motion import Status
@@ -89,7 +89,10 @@ def test_a_closed_pose_is_closed_whatever_the_turns_and_whatever_joints_bring(na
     q, turned = motion.q, motion.kind.name == "planar"
     q[2::3] += 2 * np.pi * np.arange(len(motion.bodies))[:, None] * turned
     kinds = [
-        [fault["kind"] for fault in unclosed(ref, replace(motion, q=q + off * (np.arange(len(q)) == row)[:, None]))]
+        [
+            fault["kind"]
+            for fault in Uncompared(ref, replace(motion, q=q + off * (np.arange(len(q)) == row)[:, None])).unclosed()
+        ]
         for row in range(len(q))
         for off in (0.0, 1e-9)
     ]
@@ -104,7 +107,7 @@ def test_where_nothing_is_compared_rates_are_those_of_the_pose(name, status):
     ref, motion = lost(name, status)
     if motion.kind.name == "planar":
         motion = replace(motion, q=motion.q + 2 * np.pi * (np.arange(len(motion.q)) % 3 == 2)[:, None])
-    assert list(opening(ref, motion)) == []
+    assert list(Uncompared(ref, motion).opening()) == []
 
     for order, (letter, quantity) in enumerate([("qd", "velocity"), ("qdd", "acceleration")], 1):
         size = 1e-9 * max(1.0, ref.system.unit.size) * np.max(np.abs(ref.motion.levels[order])).clip(1.0)
@@ -112,7 +115,7 @@ def test_where_nothing_is_compared_rates_are_those_of_the_pose(name, status):
             off = replace(
                 motion, **{letter: getattr(motion, letter) + size * (np.arange(len(motion.q)) == row)[:, None]}
             )
-            said = {(fault["quantity"], fault["kind"]) for fault in opening(ref, off)}
+            said = {(fault["quantity"], fault["kind"]) for fault in Uncompared(ref, off).opening()}
             assert (quantity, Cause.UNCLOSED) in said
 
 
@@ -144,7 +147,7 @@ def test_of_some_bodies_the_joints_among_them_and_with_the_ground_are_asked(bodi
     ref, motion = reference(scene), refkin.solve(scene)
     moved = replace(motion, q=motion.q + 1e-9, status=(Status.OK,) * len(motion.t))
 
-    assert [fault["kind"] for fault in unclosed(ref, moved)] == said
+    assert [fault["kind"] for fault in Uncompared(ref, moved).unclosed()] == said
 
 
 def named(part, prefix):
@@ -175,7 +178,7 @@ def test_rates_are_asked_of_parts_of_which_all_bodies_answer():
     fewer = replace(motion, bodies=motion.bodies[2:], **last)
     for row, off, said in ((1, 1e-13, []), (2, 1e-13, []), (-1, 1e-9, [Cause.UNCLOSED] * 2)):
         answer = replace(fewer, qd=fewer.qd + off * (np.arange(12) == row % 12)[:, None])
-        assert [fault["kind"] for fault in opening(ref, answer)] == said
+        assert [fault["kind"] for fault in Uncompared(ref, answer).opening()] == said
 
 
 @pytest.mark.parametrize("name", ["space-printed-flipped", "space-bodies-at-rest"])
@@ -184,8 +187,8 @@ def test_a_pose_is_closed_in_the_form_of_a_rule_however_many_rows_that_has(name)
     ref, motion = lost(corpus(name), Status.BRANCH_LOST)
     rule = Term(name="rule", level="position", reason="made up", absolute=1e-12, form="half")
 
-    assert list(unclosed(ref, motion, [rule])) == []
-    (fault,) = unclosed(ref, replace(motion, q=motion.q + 1e-9), [rule])
+    assert list(Uncompared(ref, motion, [rule]).unclosed()) == []
+    (fault,) = Uncompared(ref, replace(motion, q=motion.q + 1e-9), [rule]).unclosed()
     assert fault["kind"] is Cause.UNCLOSED
 
 
