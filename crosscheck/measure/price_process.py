@@ -22,7 +22,7 @@ from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, settings
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.scenes.names import OURS, order_of
-from crosscheck.workers.processes import Failure, told_if_raised
+from crosscheck.workers.processes import Failure, FailureKind, told_if_raised
 from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns, turn
 from refkin.model import Scene
 from refkin.scenes.files import parse
@@ -206,7 +206,7 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
         return None
     for poses in ("cycle", "one"):
         if poses in asked:
-            digits = told_if_raised(_digits, run, poses, asked[poses])
+            digits = told_if_raised(_tried, run, poses, asked[poses])
             if isinstance(digits, Failure):
                 pipe.send(("failed", method.key, answer, digits.text))
                 return None
@@ -214,6 +214,14 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
     run.look()
     pipe.send(("answered", method.key, {**answer, "highest": run.order}))
     return run
+
+
+def _tried(run: _Run, poses: str, question: PriceQuestion) -> Digits | Failure:
+    """Return the digits of a method, as `_digits` does, or why it says that it has none."""
+    try:
+        return _digits(run, poses, question)
+    except EngineError as error:
+        return Failure(FailureKind.ERROR, str(error))
 
 
 def _digits(run: _Run, poses: str, question: PriceQuestion) -> Digits:
@@ -346,7 +354,7 @@ def _in_bulk(runs: Sequence[_Run], asked: Mapping[str, PriceQuestion], end: floa
             pipe.send(("unasked", run.method.key, run.seconds["bulk"] / BULK))
             continue
         pipe.send(("at", run.method.key, run.method.newton_by))
-        digits = told_if_raised(_digits, run, "bulk", asked["bulk"])
+        digits = told_if_raised(_tried, run, "bulk", asked["bulk"])
         if isinstance(digits, Failure):
             digits = dict.fromkeys(QUANTITIES, (None, f"in bulk: {digits.text}"))
         elif all(fewest is not None for fewest, _ in digits.values()):

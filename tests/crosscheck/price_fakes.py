@@ -49,6 +49,7 @@ class MadeUp(Listing):
         yield made("gap", "-", _with_a_gap)
         yield replace(made("stale", "-", _moved), build=_stale)
         yield made("raises", "-", _raises)
+        yield made("ends", "-", lambda scene, order: _refuses(scene))
         yield made("crashes", "-", _crashes)
         yield made("position alone", "-", partial(_moved, 0.0), highest=0)
         yield replace(made("refused", "-", _raises), build=_refuses)

@@ -133,6 +133,10 @@ def test_a_method_that_fails_is_a_row_that_says_how_and_costs_no_other_its_price
     assert row_of(made_up, "right").microseconds > 0.0
 
 
+def test_what_an_engine_says_of_itself_is_told_as_it_says_it(made_up):
+    assert row_of(made_up, "ends").note == "it does not like four-bars"
+
+
 def test_a_method_that_gives_position_alone_has_no_row_for_velocity(made_up):
     assert {r.quantity for r in made_up.rows if r.method == "position alone"} == {"position"}
 
