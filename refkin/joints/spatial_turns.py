@@ -164,7 +164,7 @@ class InGear(SpatialRows):
     size = 4
 
     def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
-        largest = max(about(abs(c.radius_i)), about(abs(c.radius_j)))  # only their ratio counts
+        largest = max(abs(about(c.radius_i)), abs(about(c.radius_j)))  # only their ratio counts
         return c.radius_i / largest, c.radius_j / largest, c.phi0_i, c.phi0_j
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, carrier: Any, *own: Any) -> Rows:

@@ -153,6 +153,15 @@ def test_on_the_fast_path_a_wheel_alone_is_answered_with_what_turns_it(wheel, le
     assert np.max(np.abs(motion.qd - refkin.solve(scene)[wheel].qd)) < 1e-12
 
 
+@pytest.mark.parametrize("scene", [pair(Z, X, (0.3, -0.7)), differential()], ids=["pair", "differential"])
+def test_the_fast_path_proves_wheels_in_gear_as_the_reference_does(scene):
+    motion, expected = fast.sweep(scene), refkin.solve(scene)
+
+    assert (motion.verdict, motion.producer.name) == ("ok", "refkin.fast")
+    off = np.max(np.abs(motion.q - expected.q), axis=0)
+    assert np.all(off <= motion.certified_radius.position + expected.certified_radius.position)
+
+
 def test_a_scene_of_gears_is_read_back_as_it_is_and_one_path_leads_through_it():
     scene = differential()
     again = parse(to_dict(scene))
