@@ -43,6 +43,9 @@ from refkin.system import System, compile_system
 NEAR, FURTHEST, REACH, MOST_STEPS = 1 / 4, 1.0, 1 / 4, 5000
 """How far a step may end from its prediction, as a part of its move; how far it may move, and how far onto a singular
 pose, in units of length or rad; how many steps there may be from one time to the next."""
+FASTEST = 1e140
+"""The largest velocity of a pose that is ok [sizes or rad, per s], and the root of the largest acceleration: a point is
+moved by their squares, which must be numbers."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
@@ -100,11 +103,17 @@ def sigma_min(phi_q: Any) -> float:
     return float(np.linalg.svd(phi_q, compute_uv=False)[phi_q.shape[1] - 1])
 
 
+def slow_enough(rates: Sequence[Any], axis: int | None = None) -> Any:
+    """Return whether velocities and accelerations (n, T), as far as there are any, are none too large; by `axis`."""
+    return np.all([np.abs(x).max(axis, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
+
+
 def sweep(scene: Scene) -> Motion:
     """Return the motion of a scene: from its estimates to the first pose, then from one time to the next.
 
     A time is `ok` if its residual is round-off and sigma_min above `SINGULAR`, whatever the laws do between two times;
-    `singular` if only sigma_min is too small; `not_converged` if there is no first pose; `branch_lost` after the last.
+    `singular` if only sigma_min is too small; `not_converged` if there is no first pose, or rates are too large for
+    numbers; `branch_lost` after the last.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimate_of(system, scene), scene.times[0])
@@ -124,9 +133,15 @@ def sweep(scene: Scene) -> Motion:
     ok = np.array(status) == Status.OK
     system = system.held_at(q[:, ok])
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
-    qd[:, ok] = velocity(system, q[:, ok], t[ok])
-    if Effect.ACCELERATION in scene.effects:
-        qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
+    with np.errstate(all="ignore"):
+        qd[:, ok] = velocity(system, q[:, ok], t[ok])
+        if Effect.ACCELERATION in scene.effects:
+            qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
+    order = 2 if Effect.ACCELERATION in scene.effects else len(scene.effects)
+    for k in np.flatnonzero(ok & ~slow_enough([qd, qdd][:order] or [q], axis=0))[:1]:
+        status[k:] = [Status.NOT_CONVERGED, *[Status.BRANCH_LOST] * (len(t) - k - 1)]
+        for level in (q, qd, qdd, residual, sigma, condition):
+            level[..., k:] = np.nan
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": None}
     made = Producer.of_refkin("refkin.analysis", ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import acceleration, motion_of, velocity
+from refkin.analysis import acceleration, motion_of, slow_enough, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
@@ -29,7 +29,6 @@ from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64, are_sharp
-from refkin.solving.limits import slow_enough
 from refkin.system import System
 
 ROUTE = Route(

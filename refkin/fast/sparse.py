@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from refkin.analysis import estimate_of
+from refkin.analysis import estimate_of, slow_enough
 from refkin.errors import Fault, InvalidScene, RefkinError, expect
 from refkin.joints import PLANE, Unit
 from refkin.model import Effect, Scene
@@ -199,9 +199,9 @@ def solve_large(scene: Scene) -> Large:
     """Return position, velocity and acceleration at the scene's first time, as far as it calls for them.
 
     Newton's method from the scene's estimates, all of which are needed. The pose is ok if Newton contracted at once and
-    found it within 0.2 sizes and rad, the residual is at round-off, `Large.h` is small and the inverse of phi_q no
-    larger than at a regular pose (`SINGULAR`); nothing is searched for and nothing is proved. Points of the scene are
-    not read.
+    found it within 0.2 sizes and rad, the residual is at round-off, `Large.h` is small, the inverse of phi_q no
+    larger than at a regular pose (`SINGULAR`) and rates are numbers whose squares are; nothing is searched for and
+    nothing is proved. Points of the scene are not read.
 
     Raises
     ------
@@ -237,12 +237,15 @@ def solve_large(scene: Scene) -> Large:
     # A residual may be 0 however singular the pose is. Of n rows sigma_min is at most sqrt(n) / norm.
     regular = h <= LARGEST_H and math.sqrt(len(q)) > SINGULAR * norm
     status = Status.NOT_CONVERGED if not closes else Status.OK if regular else Status.SINGULAR
-    levels = [q, None, None] if closes else [None] * 3
+    levels = [q, None, None]
     if status is Status.OK and system.effects:
-        levels[1] = lu.solve(sparse.nu(q, t))
-        if Effect.ACCELERATION in system.effects:
-            levels[2] = lu.solve(sparse.gamma(q, levels[1], t))
+        with np.errstate(all="ignore"):  # rates may be beyond all numbers
+            levels[1] = lu.solve(sparse.nu(q, t))
+            if Effect.ACCELERATION in system.effects:
+                levels[2] = lu.solve(sparse.gamma(q, levels[1], t))
+        status = Status.OK if slow_enough(levels[1 : 1 + len(system.effects)]) else Status.NOT_CONVERGED
         levels[1] = levels[1] if Effect.VELOCITY in scene.effects else None
+    levels = levels if status in (Status.OK, Status.SINGULAR) else [None] * 3
     q, qd, qdd = (None if level is None else system.to_physical(level, order) for order, level in enumerate(levels))
     return Large(status, q, qd, qdd, size, norm, h, tuple(steps))
 

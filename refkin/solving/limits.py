@@ -9,13 +9,10 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
-
-import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.model import Scene
@@ -33,14 +30,6 @@ LONG = 5.0
 """Seconds of silence; then it is said again after twice as long."""
 LOOK = 0.5
 """Seconds between two looks."""
-FASTEST = 1e140
-"""The largest velocity of a pose that is ok [sizes or rad, per s], and the root of the largest acceleration: a point is
-moved by their squares, which must be numbers."""
-
-
-def slow_enough(rates: Sequence[Any], axis: int | None = None) -> Any:
-    """Return whether velocities and accelerations (n, T), as far as there are any, are none too large; by `axis`."""
-    return np.all([np.abs(x).max(axis, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
 
 
 def expected_seconds(scene: Scene) -> float:

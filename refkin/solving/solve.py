@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import ROUTE, acceleration, motion_of, sigma_min, velocity
+from refkin.analysis import ROUTE, acceleration, motion_of, sigma_min, slow_enough, velocity
 from refkin.differences import EPS
 from refkin.errors import expect
 from refkin.joints import polar_cams
@@ -28,7 +28,7 @@ from refkin.proof.pose.isolate import FLOAT64, Isolation
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
-from refkin.solving.limits import check_size, said_if_long, slow_enough
+from refkin.solving.limits import check_size, said_if_long
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.straight_line import StraightLineSystem

@@ -63,6 +63,16 @@ print(sorted(name for name in sys.modules if name.startswith("refkin.")))
 """
 
 
+def test_rates_beyond_numbers_are_not_ok():
+    """The crank comes beyond 1e140 rad/s between the second time and the third."""
+    law = Polynomial(coefficients=(0.0, 0.0, 2e279))
+    scene = with_law(replace(ROCKER.scene(), times=(0.0, 1e-140, 3e-140, 3.1e-140)), law)
+    motion = analysis.sweep(scene)
+
+    assert motion.status == (Status.OK, Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
+    assert all(np.array_equal(np.isfinite(level[0]), [True, True, False, False]) for level in motion.levels)
+
+
 def test_it_solves_a_four_bar_with_all_that_stands_above_it_blocked():
     """Every pose against the two circles; what was imported is the reference and nothing else."""
     run = subprocess.run([sys.executable, "-c", ALONE], cwd=ROOT, capture_output=True, text=True, check=False)

@@ -147,6 +147,19 @@ def test_a_singular_pose_is_not_ok_where_its_residual_is_exactly_zero(angle):
     assert answer.qd is None
 
 
+def test_rates_beyond_numbers_are_not_ok():
+    """Accelerations that are the squares of these velocities are none."""
+    scene = chain(1, times=(0.0,))
+    driver = replace(
+        scene.mechanism.drivers[0], law=Polynomial(coefficients=(scene.mechanism.drivers[0].law(0.0), 1e160))
+    )
+    fast = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+
+    for answer in (solve_large(fast), solve_large(replace(fast, effects=frozenset({Effect.VELOCITY})))):
+        assert (answer.status, answer.q, answer.qd, answer.qdd) == (Status.NOT_CONVERGED, None, None, None)
+    assert solve_large(replace(fast, effects=frozenset())).status is Status.OK
+
+
 def test_what_it_does_not_take_is_refused_by_what_it_is():
     scene = chain(1)
     again = replace(scene.mechanism.joints[0], name="again")
