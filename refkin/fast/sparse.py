@@ -163,6 +163,7 @@ class SparseSystem:
     def _lay_out(self) -> None:
         """Find the pattern, where in it each entry of each group goes, and what is constant."""
         from scipy.sparse import csc_array
+        from scipy.sparse.csgraph import structural_rank
 
         n = self.system.n
         entries = list(self._entries(np.zeros(n), 0.0))
@@ -175,6 +176,8 @@ class SparseSystem:
         place[order.data.astype(int) - 1] = np.arange(len(rows))
         self._places = np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1])
         self._pattern = order.indices, order.indptr
+        if structural_rank(order) < n:  # SuperLU looks for a pivot beyond its arrays then, and may end the process
+            raise RefkinError("the equations have no unique solution by their structure: some rows are redundant")
         self._constants = np.zeros(len(rows))
         for at, (_, _, entry) in zip(self._places, entries, strict=True):
             self._constants[at] = entry if isinstance(entry, int) else 0.0
@@ -206,7 +209,8 @@ def solve_large(scene: Scene) -> Large:
     Raises
     ------
     RefkinError
-        If an estimate is missing, bodies are of space, or there are not as many rows as coordinates.
+        If an estimate is missing, bodies are of space, there are not as many rows as coordinates, or some rows are
+        redundant whatever the numbers in them.
     """
     expect("scene", scene, Scene)
     system = agreeing(compile_system(scene.mechanism, scene.effects, scene.mechanism.unit()), scene.times)

@@ -160,6 +160,18 @@ def test_rates_beyond_numbers_are_not_ok():
     assert solve_large(replace(fast, effects=frozenset())).status is Status.OK
 
 
+def test_rows_that_are_redundant_by_their_structure_are_refused_before_they_are_factorized():
+    """A slider whose angle is driven, too: SuperLU ended the process at such."""
+    ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "slider", "point_j": (0.0, 0.0)}
+    slide = refkin.Prismatic(name="slide", **ends, axis_i=(1.0, 0.3))
+    driver = refkin.AngleDriver(name="motor", body="slider", law=Polynomial(coefficients=(0.0,)))
+    slider = Body(name="slider", estimate=(0.0, 0.0, 0.0))
+    scene = Scene(mechanism=Mechanism((slider,), (slide,), (driver,)), times=(0.0,))
+
+    with pytest.raises(RefkinError, match="no unique solution by their structure"):
+        solve_large(scene)
+
+
 def test_what_it_does_not_take_is_refused_by_what_it_is():
     scene = chain(1)
     again = replace(scene.mechanism.joints[0], name="again")
