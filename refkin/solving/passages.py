@@ -8,7 +8,7 @@ Where loops feel nothing but one angle, they feel only where it is in its turn. 
 whole turns aside, after one turn of it, they do so after every other (`Winding`). What loops feel is read from the
 pattern of phi_q: its blocks that are not constant are loops; their rows hold coordinates of constant blocks, which
 depend on others in turn. All of these must stand still, but one angle whose own row counts its turns: that of an angle
-driver or of a gear.
+driver or of a gear. Where there is no loop at all there is one pose at each time, and no way is too long to it.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from refkin.joints import Constraint, Contact, Polar, polar_cams
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, extrema_of, hides, sign_changes
+from refkin.proof.numbers.inputs import has_digits
 from refkin.proof.path.blocks import Blocks, diagonal_blocks, dips
 from refkin.proof.path.tube import Between
 from refkin.system import System, compile_system
@@ -186,7 +187,7 @@ def _with_line(system: System, driver: int, start: float, end: float) -> System:
 
 @dataclass
 class Winding:
-    """Loops of a system that depend on one angle alone, by its place in the turn.
+    """Loops of a system that depend on one angle alone, by its place in the turn; or a system without loops.
 
     Attributes
     ----------
@@ -209,7 +210,7 @@ class Winding:
 
     @classmethod
     def of(cls, system: System, q: Any, t: float) -> Winding | None:
-        """Return the winding of a system; None if its loops depend on more, or there are none."""
+        """Return the winding of a system; None if its loops depend on more, or nothing is without a loop."""
         if system.m != system.n or not all(map(_repeats, system.mechanism.constraints)):
             return None
         here = system.phi_q(q, t)
@@ -221,14 +222,19 @@ class Winding:
         is_loop = [bool(varies[np.ix_(rows, columns)].any()) for rows, columns in parts]
         loops = [columns for (_, columns), loop in zip(parts, is_loop, strict=True) if loop]
         trees = [part for part, loop in zip(parts, is_loop, strict=True) if not loop]
-        if not loops:
-            return None
         owner = {int(c): rows for rows, columns in parts for c in columns}
         gates, felt = _felt(system, pattern, owner, {int(c) for columns in loops for c in columns})
-        if len(gates) != 1 or not trees:
+        if (loops and len(gates) != 1) or not trees:
             return None
         rows, columns = (np.concatenate([part[k] for part in trees]) for k in (0, 1))
+        if not loops:
+            return cls(system, -1, np.zeros(0, int), np.zeros(0, int), (rows, columns), closed=np.zeros(system.n))
         return cls(system, gates.pop(), np.concatenate(loops), np.array(sorted(felt)), (rows, columns))
+
+    @property
+    def unique(self) -> bool:
+        """Whether there is one pose at each time: coordinates follow from each other by factors that are constant."""
+        return not self.loops.size
 
     def placed(self, q: Any, t: float) -> Any:
         """Return a pose with the coordinates that do not depend on the loops as they are at a time."""
@@ -248,8 +254,13 @@ class Winding:
     def passed(self, sweep: Any, target: float) -> tuple[Any, float] | None:
         """Return a pose many whole turns on, and its time before `target`; None if there are few, or none is known.
 
-        Until it is known whether loops come back after a turn, the sweep goes through one first.
+        Until it is known whether loops come back after a turn, the sweep goes through one first. Without loops it is
+        the pose at `target`, if its angles have digits.
         """
+        if self.unique:
+            q = self.placed(sweep.q[-1], target)
+            closed = is_round_off(self.system.phi(q, target), q)
+            return (q, target) if closed and has_digits(self.system, q[:, None], np.array([target])).all() else None
         moving = moving_law(self.system, sweep.t[-1], target)
         if moving is None:
             return None

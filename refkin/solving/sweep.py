@@ -194,23 +194,27 @@ class Sweep(Steps):
         """Go to a time by steps alone, and return whether they lead there."""
         return self._in_steps(target, MOST_STEPS) is Arrival.REACHED
 
-    def _wind(self, target: float) -> None:
-        """Leave out whole turns on the way to a time, where loops come back after each of them."""
-        self._winding = self._winding or Winding.of(self.system, self.q[-1], self.t[-1])
-        if (
-            self._winding is not None
-            and not self.singular
-            and (there := self._winding.passed(self, target)) is not None
-        ):
+    def _wind(self, target: float, stopped: bool = False) -> bool:
+        """Leave out whole turns on the way to a time, where loops come back after each; return whether it is there.
+
+        What is singular, or stopped by other things than the number of steps, goes on where there are no loops alone.
+        """
+        winding = self._winding or Winding.of(self.system, self.q[-1], self.t[-1])
+        if winding is None or ((stopped or self.singular) and not winding.unique):
+            return False
+        self._winding = winding
+        if (there := winding.passed(self, target)) is not None:
             self._jump(*there)
+        return self.t[-1] == target
 
     def _to(self, target: float) -> Arrival:
-        if self._winding is not None and self._winding.closed is not None:
-            self._wind(target)
+        if self._winding is not None and self._winding.closed is not None and self._wind(target):
+            return Arrival.REACHED
         arrival = Arrival.STOPPED if self.singular else self._in_steps(target, min(MANY_STEPS, MOST_STEPS))
         if arrival is Arrival.OUT_OF_STEPS and MANY_STEPS < MOST_STEPS:
-            self._wind(target)
-            arrival = self._in_steps(target, MOST_STEPS - MANY_STEPS)
+            arrival = Arrival.REACHED if self._wind(target) else self._in_steps(target, MOST_STEPS - MANY_STEPS)
+        if arrival is Arrival.STOPPED and self._wind(target, stopped=True):
+            return Arrival.REACHED
         if arrival is Arrival.STOPPED and self.proving and not self.hopeless(target):
             arrival = self._uncertified_steps(target)
         if arrival is Arrival.OUT_OF_STEPS:

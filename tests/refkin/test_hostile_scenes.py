@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -716,6 +717,30 @@ def test_turns_of_a_wheel_are_counted_without_going_through_them(monkeypatch, ce
     assert np.max(np.abs([gap_x, gap_y])) < 1e-11
     assert len(set(np.sign(np.sin(rocker - coupler)))) == 1
     assert np.ptp(rocker) < 2 * np.pi > np.ptp(coupler)
+
+
+@pytest.mark.parametrize("certified", [False, True])
+def test_wheels_without_a_loop_have_one_pose_at_each_time_however_far_they_turn(certified):
+    """Five of them, each a hundred times as fast as the one before: sigma_min is 1e-8, and nothing is singular."""
+    names, ground = [f"wheel{k}" for k in range(5)], {"body_i": "ground"}
+    pins = [
+        refkin.Revolute(name=f"pin of {name}", **ground, point_i=(3.0 * k, 0.0), body_j=name, point_j=(0.3, 0.0))
+        for k, name in enumerate(names)
+    ]
+    gears = [
+        refkin.Gear(name=f"{slow} {fast}", body_i=slow, radius_i=100.0, body_j=fast, radius_j=-1.0)
+        for slow, fast in pairwise(names)
+    ]
+    motor = AngleDriver(name="motor", body="wheel0", law=Polynomial(coefficients=(0.0, 1.0)))
+    wheels = [Body(name=name, estimate=(3.0 * k - 0.3, 0.0, 0.0)) for k, name in enumerate(names)]
+    motion = refkin.solve(
+        Scene(mechanism=Mechanism(wheels, [*pins, *gears], [motor]), times=(0.0, 0.5, 1.0)), certified=certified
+    )
+
+    assert motion.verdict is OK
+    assert motion["wheel4"].phi == pytest.approx(1e8 * motion.t, rel=1e-15)
+    assert motion["wheel4"].x == pytest.approx(12.0 - 0.3 * np.cos(motion["wheel4"].phi), abs=1e-14)
+    assert motion["wheel4"].yd == pytest.approx(-0.3e8 * np.cos(motion["wheel4"].phi), abs=1e-6)
 
 
 def test_a_coupler_that_turns_with_the_crank_is_wound_as_often(monkeypatch):
