@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from refkin.errors import Fault, InvalidScene
+from refkin.errors import Fault, InvalidScene, expect
 from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins
+from refkin.joints.annotations import check, is_real
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
 from refkin.motion import SINGULAR
@@ -219,8 +220,17 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
         When [s].
     tolerance : float
         Singular values of the balanced phi_q at or below this do not count.
+
+    Raises
+    ------
+    InvalidRequest
+        If q are not as many numbers, t is not finite, or the tolerance is no number of at least 0.
     """
+    expect("mechanism", mechanism, Mechanism)
     system = compile_system(mechanism, unit=mechanism.unit())
+    check("q", f"{system.n} coordinates", q, is_real(q, system.n) and bool(np.isfinite(np.asarray(q, float)).all()))
+    check("t", "a finite time [s]", t, is_real(t) and bool(np.isfinite(t)))
+    check("tolerance", "a number of at least 0", tolerance, is_real(tolerance) and tolerance >= 0.0)
     return mobility_of(system, system.to_unit(np.asarray(q, float)), t, tolerance)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin.errors import InvalidScene
+from refkin.errors import InvalidRequest, InvalidScene
 from refkin.joints import SPATIAL_JOINT_TYPES, AngleDriver, XDriver, YDriver
 from refkin.joints.spatial import PointOnPlane
 from refkin.model import Body, Mechanism, Scene
@@ -251,7 +251,7 @@ def test_a_row_that_vanishes_depends_on_nothing():
 
 def test_a_pose_of_another_mechanism_is_refused():
     mechanism, q = parallelogram(third_crank=False)
-    with pytest.raises(InvalidScene, match="q: expected 9 coordinates"):
+    with pytest.raises(InvalidRequest, match="q: expected 9 coordinates"):
         mobility(mechanism, q[:6])
 
 
@@ -278,6 +278,22 @@ def test_dependences_reproduce_their_rows():
     )
     found_free = mobility(free, np.zeros(3))
     assert (found_free.mobility, found_free.driven.freedoms) == (3, 0), f"{found_free}"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        *(({"q": q}, "q: expected 9 coordinates") for q in ("abc", None, ["a"] * 9, [math.nan] * 9, [math.inf] * 9)),
+        *(({"t": t}, "t: expected a finite time") for t in ("0", math.nan)),
+        *(({"tolerance": least}, "tolerance: expected a number of at least 0") for least in (math.nan, -1.0, "small")),
+    ],
+)
+def test_what_no_rank_can_be_found_of_is_told_by_name(wrong, told):
+    """A tolerance that is no number left nothing of the rank, and was answered."""
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
+
+    with pytest.raises(InvalidRequest, match=told):
+        mobility(scene.mechanism, **{"q": refkin.solve(scene).q[:, 0], **wrong})
 
 
 def test_kinds_have_their_names():
