@@ -14,6 +14,7 @@ from crosscheck.judge.comparison import Comparison, QuantityComparison, Referenc
 from crosscheck.judge.delivery import misshapen, undelivered
 from crosscheck.judge.points import points_off
 from crosscheck.judge.records import QUANTITIES
+from crosscheck.judge.spatial import alike, passive_lines
 from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import violations
 from refkin.errors import InvalidRequest, RefkinError, expect
@@ -76,7 +77,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
 def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion:
     """Return the coordinates that were given as a motion; what was not given is the reference's own."""
     t = ref.motion.t
-    levels = [np.array(level) for level in ref.motion.levels]
+    levels = np.array(ref.motion.levels)
+    own = np.zeros(levels.shape[:2], bool)
     answered = times_with(ref.motion, Status.OK)
     for body, coordinates in given.items():
         expect(f"motion[{body!r}]", coordinates, Mapping)
@@ -97,11 +99,25 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
                 raise RefkinError(f"{expected} {kept(repr(values))}") from error
             if column.shape != t.shape:
                 raise RefkinError(f"{expected} shape {column.shape}")
-            levels[order][len(names[0]) * ref.motion.bodies.index(body) + row] = column
+            place = order, len(names[0]) * ref.motion.bodies.index(body) + row
+            levels[place], own[place] = column, True
             answered &= np.isfinite(column)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in answered)
-    q, qd, qdd = levels
+    q, qd, qdd = np.where(own[..., None], levels, _beside(ref, levels[0]))
     return engine_motion(t, ref.motion.bodies, q, qd, qdd, status, OWN)
+
+
+def _beside(ref: Reference, q: Any) -> Any:
+    """Return the reference's levels (3, n, T) as they stand beside the pose of an answer (n, T).
+
+    In space p and -p are one pose, of a body that spins as it likes so is any turn, and p' and p'' are those of either.
+    """
+    levels = ref.motion.levels
+    if ref.motion.kind.name == "planar":
+        return np.array(levels)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lines = passive_lines(ref.scene.mechanism)
+        return np.array(alike(list(levels), [q, *levels[1:]], ref.motion.bodies, lines))
 
 
 def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) -> Iterator[str]:

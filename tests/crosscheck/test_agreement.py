@@ -21,6 +21,7 @@ from hypothesis.vendor.pretty import pretty
 import crosscheck
 import refkin
 from crosscheck import strategies
+from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.agreement import NothingToCompare
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.violations import NOT_KNOWN, violations
@@ -53,6 +54,24 @@ def test_the_reference_agrees_with_itself_and_so_does_a_part_of_it():
     crosscheck.assert_agrees(motion, FOUR_BAR)
     crosscheck.assert_agrees({"rocker": {"phi": motion["rocker"].phi + 4 * np.pi}}, FOUR_BAR)
     crosscheck.assert_agrees({"crank": {"xdd": motion["crank"].xdd}, "coupler": {"y": motion["coupler"].y}}, FOUR_BAR)
+
+
+@pytest.mark.parametrize("half", [np.pi, 0.4], ids=["the other sign", "another spin"])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_a_part_of_an_answer_in_space_may_have_either_sign_of_p_and_any_passive_spin(order, half):
+    """What it leaves out is as it is beside such a pose; an error is seen there, too."""
+    scene = refkin.load(ROOT / "examples" / "rssr.toml")
+    motion = refkin.solve(scene)
+    coupler = motion["coupler"]
+    given, spin = {}, np.array([[np.cos(half), np.sin(half), 0.0, 0.0]])  # about the line of its two balls
+    for k, level in enumerate((coupler.q, coupler.qd, coupler.qdd)[: order + 1]):
+        turned = np.vstack([level[:3], product(level[3:].T, spin).T])
+        given |= {f"{name}{'d' * k}": row for name, row in zip(motion.kind.coordinates, turned, strict=True)}
+
+    crosscheck.assert_agrees({"coupler": given}, scene)
+    given[f"y{'d' * order}"][3] += 1e-9
+    with pytest.raises(AssertionError, match=f"coupler.y{'d' * order} is off by 1e-09"):
+        crosscheck.assert_agrees({"coupler": given}, scene)
 
 
 @pytest.mark.parametrize(
