@@ -63,6 +63,7 @@ def _rows(report: Report, block: Mapping[str, Any], named: Iterable[tuple[str, s
     prices = report["price"] or []
     paid = {offer.name: offer for offer in nine_digits(prices)}
     priced = {(row["engine"], row["method"]) for row in prices}
+    of_engine = {offer.engine: offer for offer in reversed(paid.values())}  # the cheapest is first among the paid
     of_methods = {(row["engine"], row["method"]): row for row in report["methods"]}
     rows = []
     for engine, method in named:
@@ -77,6 +78,7 @@ def _rows(report: Report, block: Mapping[str, Any], named: Iterable[tuple[str, s
                 "price": (offer and offer.microseconds) if prices else made.get("microseconds_median"),
                 "once": offer is not None and offer.spread is None,
                 "priced": (engine, method) in priced or not prices,
+                "instead": of_engine.get(engine),
                 **_silent(report, engine, method, made),
                 "asked": True,
                 "scenes": made.get("scenes", 0),
@@ -106,7 +108,7 @@ def _as_shipped(report: Report, engine: str) -> list[Row]:
         row = {"engine": engine, "method": shown, "cells": [_shown(None, None, 0) | {"best": d} for d in best]}
         said = {**_silent(report, engine, method, {"scenes": 1}), "scenes": 0, "fewer": 0, "asked": False}
         newton_by = priced[0].get("newton_by") if priced else None
-        rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
+        rows.append({**row, **said, "price": None, "priced": bool(priced), "instead": None, "newton_by": newton_by})
     return rows
 
 

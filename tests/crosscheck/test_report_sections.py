@@ -187,6 +187,10 @@ def test_method_that_was_not_priced_says_so(tmp_path: Path) -> None:
 
     assert "not priced" in page
     assert "never reached" not in page
+    other = [{**PRICES[1], "method": name, "microseconds": us} for name, us in (("rows", 31.0), ("all at once", 7.0))]
+    report, page = reported(tmp_path, price=other)
+    assert [row["price"] for row in rows_of_first(report)] == [None]
+    assert 'not priced</span> <span class="soft">all at once: 7.0</span>' in page
 
 
 def test_cheapest_of_all_is_told_beside_the_cheapest_of_the_engines(tmp_path: Path) -> None:
