@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -12,7 +12,7 @@ from crosscheck.commands.usage import console, table
 from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support
 from crosscheck.engines.loading import available, unknown
 from crosscheck.engines.loading import load as load_engine
-from crosscheck.errors import PASS, UsageError, quoted
+from crosscheck.errors import ENGINE_MISSING, PASS, CannotRun, UsageError, quoted
 from crosscheck.judge.records import QUANTITIES, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
 from crosscheck.workers.pool import find_engines
@@ -44,6 +44,24 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
         if name not in known and ":" not in name:
             raise UsageError(unknown(name, known))
     return tuple(dict.fromkeys((*always, *named)))
+
+
+class NotLoaded(CannotRun):
+    """An engine of a user's own that is not there, or cannot be loaded."""
+
+    code = ENGINE_MISSING
+
+
+def refuse_own(missing: Mapping[str, str]) -> None:
+    """Raise NotLoaded if an engine of a user's own is among those that cannot be loaded: others may not be installed.
+
+    Parameters
+    ----------
+    missing : mapping
+        What was asked -> why not (`find_engines`).
+    """
+    if own := [reason for spec, reason in missing.items() if ":" in spec]:
+        raise NotLoaded("\n".join(own))
 
 
 MOST_LINES = 20

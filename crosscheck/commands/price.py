@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from rich.table import Table
 
-from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.engines import ENGINES, names, refuse_own
 from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError, naming, quoted
@@ -35,6 +35,7 @@ from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
 from crosscheck.report.wording import filled
 from crosscheck.scenes.names import OURS, called
+from crosscheck.workers.pool import find_engines
 from crosscheck.workers.timing import machine, versions
 from refkin.model import Scene
 from refkin.scenes.files import load
@@ -54,7 +55,8 @@ def price(
     """Show what accuracy costs on a scene: every engine by every method, digits against microseconds.
 
     Exit codes: 0 done, 1 no pose of the scene is certified, so that there is no truth to count digits by; or with
-    --again fewer than 95 % of its winners win again, or it has none that is clear; 2 the scene or a file is invalid.
+    --again fewer than 95 % of its winners win again, or it has none that is clear; 2 the scene or a file is invalid;
+    3 an engine of your own cannot be loaded.
     A method that crashes or hangs has a row that says so.
 
     Parameters
@@ -70,6 +72,7 @@ def price(
     writable("page", page, scene, again)
     ours = [name for name in PRICED if name in OURS]
     asked, subject = (*ours, *names(engines, always=())), load(scene)
+    refuse_own(find_engines([spec for spec in asked if ":" in spec])[1])
     before = None if again is None else _earlier(again, subject, asked)
     within = time_for(subject)
     print(f"this takes up to {within:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)

@@ -9,7 +9,15 @@ from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 
-from crosscheck.commands.engines import ENGINES, agreement_table, arbiter_table, names, refusal_lines, rows_table
+from crosscheck.commands.engines import (
+    ENGINES,
+    agreement_table,
+    arbiter_table,
+    names,
+    refusal_lines,
+    refuse_own,
+    rows_table,
+)
 from crosscheck.commands.usage import Json, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import told
@@ -53,9 +61,7 @@ def replay(
     job = by_itself(load(scene), features=features, expected=expected)
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
-    if own := [reason for spec, reason in missing.items() if ":" in spec]:
-        print("\n".join(own), file=sys.stderr)
-        return ENGINE_MISSING
+    refuse_own(missing)
     specs = {name: spec for name, (spec, _) in installed.items()}
     with said_if_long(f"asking {len(specs)} engines"), checkers(1, specs, scene_seconds) as pool:
         record = pool.check_one(job)

@@ -55,14 +55,27 @@ def writable(key: str, file: Path | None, *read: Path | None) -> None:
     """
     if file is None:
         return
-    if file.is_dir():
+    if os.path.isdir(file):
         raise UsageError(f"--{key}: expected a file, got the folder {file}")
     if "\0" in str(file) or not file.absolute().parent.is_dir():
         raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
-    if not os.access(file if file.exists() else file.absolute().parent, os.W_OK):
+    if not _opens(file):
         raise UsageError(f"--{key}: expected a file that can be written, got {file}")
     if any(other is not None and file.exists() and other.exists() and file.samefile(other) for other in read):
         raise UsageError(f"--{key}: expected another file than the one that is read, got {file}")
+
+
+def _opens(file: Path) -> bool:
+    """Return whether a file can be written; one that is not there is made and removed: rights alone do not say it."""
+    file = Path(os.path.realpath(file))
+    try:
+        if file.exists():
+            return os.access(file, os.W_OK)
+        file.open("xb").close()
+        file.unlink()
+    except OSError:
+        return False
+    return True
 
 
 def writable_folder(key: str, folder: Path) -> None:
@@ -94,7 +107,8 @@ def console(width: int | None, stderr: bool = False) -> Console:
             raise  # as any other print does, and not SystemExit(1), which says that something is wrong
 
     stream = sys.stderr if stderr else sys.stdout
-    return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)
+    plain: Any = dict.fromkeys(("markup", "highlight", "emoji"), False)
+    return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, **plain)
 
 
 def coloured(text: str, colour: str) -> Text:
@@ -242,7 +256,7 @@ def shown_progress(count: int | None, minutes: float | None = None, noun: str = 
     if not console.is_terminal:
         yield _lines(start, noun if count is None else f"of {count} {noun}")
         return
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console)
+    bar = Progress(TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), console=console)
     total = count if count is not None else 60.0 * (minutes or 0.0)
     with bar:
         task = bar.add_task("starting", total=total)

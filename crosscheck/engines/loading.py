@@ -106,7 +106,7 @@ def _class_of(spec: str) -> Any:
         if not where:
             return _registered(spec).load()
         module = _module_of_file(where) if where.endswith(".py") else import_module(where)
-    except (ImportError, SystemExit) as error:
+    except (ImportError, SyntaxError, SystemExit) as error:
         hint = "; pip install 'refkin[engines]' brings it" if spec in PEERS else ""
         why = f"it ends with {error!r}" if isinstance(error, SystemExit) else f"{error}{hint}"
         raise EngineError(f"engine {spec!r} cannot be imported: {why}") from error

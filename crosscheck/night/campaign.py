@@ -165,12 +165,17 @@ def make_room(out: Path) -> None:
         (out / FOLDER).rmdir()
 
 
+def _instead(out: Path) -> str:
+    """Return what to do about a folder that holds another run: `make_room` takes away one that is finished."""
+    return f"choose another folder{', or begin anew with --fresh' if (out / 'report.json').exists() else ''}"
+
+
 def seed_of(out: Path, asked: int | None) -> int:
     """Return the seed of a night: what was asked, what the run in the folder has, or the day's date as a number."""
     made = _made(out)
     if made is not None:
         if asked is not None and asked != made["seed"]:
-            raise OtherRun(f"--out {out} holds a run with seed {made['seed']}, not {asked}: choose another folder")
+            raise OtherRun(f"--out {out} holds a run with seed {made['seed']}, not {asked}: {_instead(out)}")
         return int(made["seed"])
     return int(time.strftime("%Y%m%d", time.gmtime())) if asked is None else asked
 
@@ -345,14 +350,14 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
     if before is not None and (there := before["made_by"]) != now:
         keys = [key for key in {**there, **now} if there.get(key) != now.get(key)]
         others = "; ".join(f"{key} {there.get(key, 'none')}, not {now.get(key, 'none')}" for key in keys)
-        raise OtherRun(f"{plan.out} holds a run with {others}: choose another folder")
+        raise OtherRun(f"{plan.out} holds a run with {others}: {_instead(plan.out)}")
     if turns.runs - {of_run(plan.seed, engines)}:
-        raise OtherRun(f"{plan.out} holds records of another run: choose another folder")
+        raise OtherRun(f"{plan.out} holds records of another run: {_instead(plan.out)}")
     numbers = sorted(turns.drawn)
     for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
         (key, few), scene = turns.drawn[number], draw(plan.seed, number).scene
         if key_of(shortened(scene) if few else scene) != key:
-            raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
+            raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: {_instead(plan.out)}")
     return (before or {}).get("date")
 
 

@@ -244,7 +244,7 @@ def find_engines(specs: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict
     missing = {}
     for spec, answer in zip(specs, call_each(_tried, specs), strict=True):
         if isinstance(answer, Failure | str):
-            missing[spec] = answer if isinstance(answer, str) else answer.text
+            missing[spec] = answer if isinstance(answer, str) else f"engine {spec!r} cannot be loaded: {answer.text}"
         elif answer[0] in loaded:
             raise SameName(f"engines {loaded[answer[0]][0]!r} and {spec!r} are both called {answer[0]!r}")
         else:

@@ -436,7 +436,10 @@ def test_an_engine_that_crashes_when_it_is_loaded_is_missing_and_ends_nothing_el
     path.write_text(f"import os; {EXIT}")
     result, missing = find_engines(("closed_form", spec))
 
-    assert (list(result), missing) == (["closed_form"], {spec: "its process ended: exit code 7"})
+    assert (list(result), missing) == (
+        ["closed_form"],
+        {spec: f"engine {spec!r} cannot be loaded: its process ended: exit code 7"},
+    )
 
 
 LONG_COUPLER = """

@@ -61,11 +61,11 @@ def nightly(command):
 def test_names_that_look_like_markup_of_a_terminal_are_shown_as_they_are(asked, command, tmp_path):
     scene = tmp_path / "scene.toml"
     text = GOOD.read_text(encoding="utf-8")
-    scene.write_text(text.replace('"crank"', '"[/b]"').replace('"crank-rocker"', '"[/i]"'), encoding="utf-8")
+    scene.write_text(text.replace('"crank"', '"[/]:a:"').replace('"crank-rocker"', '"[/]:a:"'), encoding="utf-8")
     process = command(asked, scene)
 
     assert process.returncode == 0, process.stderr
-    assert asked in ("mobility", "program") or "[/" in process.stdout
+    assert asked in ("mobility", "program") or "[/]:a:" in process.stdout
 
 
 def night(out: Path, *more: Any, scenes: int | None = 3) -> list[Any]:
@@ -186,6 +186,8 @@ NONSENSE = {
         (f"{GOOD} --again gone.json", "gone.json is no file"),
         ("gone.toml", "gone.toml: "),
         (f"{GOOD} --page gone/page.html", "gone/page.html"),
+        (f"{GOOD} --page /proc/page.html", "--page: expected a file that can be written, got /proc/page.html"),
+        (f"{GOOD} --page {'x' * 300}", "--page: expected a file that can be written, got xxx"),
     ],
     "effects": [
         (f"{GOOD} --engines nobody", "no engine is called 'nobody'; there are: closed_form, "),
@@ -243,8 +245,8 @@ def test_the_folder_of_another_night_ends_with_2(tmp_path, command, nightly):
     nightly(tmp_path, "--engines", "closed_form", scenes=1)
     process = command("nightly", "--out", tmp_path, "--seed", NIGHT + 1, "--engines", "closed_form", "--scenes", 1)
 
-    line = f"--out {tmp_path} holds a run with seed {NIGHT}, not {NIGHT + 1}: choose another folder\n"
-    assert (process.returncode, process.stderr) == (2, line)
+    line = f"--out {tmp_path} holds a run with seed {NIGHT}, not {NIGHT + 1}: "
+    assert (process.returncode, process.stderr) == (2, f"{line}choose another folder, or begin anew with --fresh\n")
 
 
 def test_a_required_engine_that_is_not_installed_ends_with_3_before_anything_runs(tmp_path):
@@ -372,6 +374,24 @@ def test_an_engine_of_ones_own_that_cannot_be_loaded_is_missing_with_its_reason(
     process = nightly(tmp_path, "--engines", spec, "--require-engines", spec)
 
     assert (process.returncode, reason in process.stderr, "Traceback" in process.stderr) == (3, True, False)
+
+
+OWN_FAULTS = {
+    "price": ("raise ValueError('no licence')", "cannot be loaded: ValueError: no licence (<module>, own.py:1)"),
+    "replay": ("open('data')", "cannot be loaded: FileNotFoundError: [Errno 2] No such file or directory: 'data' (<"),
+    "conform": ("def x(:", "cannot be imported: invalid syntax (own.py, line 1)"),
+}
+
+
+@pytest.mark.parametrize("asked", OWN_FAULTS)
+def test_a_fault_in_the_file_of_an_engine_is_told_with_the_engine_before_anything_is_asked(asked, tmp_path, command):
+    """A price list of a minute was of all others, and said that a process had ended."""
+    (own := tmp_path / "own.py").write_text(OWN_FAULTS[asked][0], encoding="utf-8")
+    spec = f"{own}:Own"
+    process = command(asked, *([spec] if asked == "conform" else [GOOD, "--engines", spec]))
+
+    assert process.returncode == 3
+    assert f"engine {spec!r} {OWN_FAULTS[asked][1]}" in process.stdout + process.stderr
 
 
 def test_a_crash_that_does_not_happen_again_ends_with_4(tmp_path, nightly):

@@ -219,7 +219,7 @@ def test_engines_are_named_by_themselves_and_the_others_missing_with_their_reaso
 
     assert find_engines(tuple(answers)) == (
         {"alpha": ("a.py", "1"), "delta": ("d.py", "4")},
-        {"b.py": CRASH.text, "c.py": "there is none"},
+        {"b.py": f"engine 'b.py' cannot be loaded: {CRASH.text}", "c.py": "there is none"},
     )
     with pytest.raises(SameName, match=r"engines 'a.py' and 'e.py' are both called 'alpha'"):
         find_engines(("a.py", "e.py"))
