@@ -42,8 +42,8 @@ def points_off(
     """Yield the points that a motion lacks, or has further off than their bodies may be, as disagreements.
 
     Who gives no points at all is not asked for them. Of a quantity of bodies that is beyond its bounds that is said,
-    and points add nothing. A point of a body that spins as it likes is not compared: where it is depends on the spin.
-    Where nothing is compared the points of an answer are held against its own bodies.
+    and points add nothing. Where a point of a body that spins as it likes is depends on the spin: it is held
+    against the answer's own body, as all are where nothing is compared.
 
     Parameters
     ----------
@@ -60,6 +60,7 @@ def points_off(
     budget, judged, apart = compared.budget, times_with(motion, Status.OK), uncompared(ref, motion, terms)
     owed = [quantity for quantity in LEVELS if quantity in able and quantity in compared.quantities]
     agreeing = [quantity for quantity in owed if compared.quantities[quantity].agrees]
+    whole = [q for k, q in enumerate(LEVELS) if all(level is not None for level in motion.levels[: k + 1])]
     spinning, own = {body for spin in ref.passive for body in spin}, all_levels(ref.system, motion)
     scaled = [ref.system.to_unit(level, order) for order, level in enumerate(own)]
     rounding = output_rounding(ref.system, *np.nan_to_num(scaled))
@@ -70,13 +71,15 @@ def points_off(
         for quantity in owed:
             if quantity not in shaped:
                 yield wrong(quantity, Cause.NOT_DELIVERED, f"point {point.name!r}: expected shape {ours.r.shape}")
-        allowed = _allowed(ref.system, budget.levels, ref.levels, point, ours)
-        asked = [] if point.body in spinning else [q for q in agreeing if q in shaped]
-        yield from _further(motion, point.name, ours, allowed, asked, budget.compared & judged)
         composed = point_motion(point.position, *(level[ref.system.columns(point.body)] for level in own))
+        of_own = [q for q in shaped if q in whole and point.body in motion.bodies]
+        spins = point.body in spinning
+        true, levels, asked = (composed, scaled, of_own) if spins else (ours, ref.levels, shaped)
+        allowed = _allowed(ref.system, budget.levels, levels, point, true)
+        asked = [q for q in asked if q in agreeing]
+        yield from _further(motion, point.name, true, allowed, asked, budget.compared & judged)
         allowed = _allowed(ref.system, rounding, scaled, point, composed)
-        asked = shaped if point.body in motion.bodies else []
-        yield from _further(motion, point.name, composed, allowed, asked, apart)
+        yield from _further(motion, point.name, composed, allowed, of_own, apart)
 
 
 def _further(

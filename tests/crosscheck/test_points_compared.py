@@ -33,6 +33,12 @@ SPACE = replace(
     times=space_scenes.TIMES[:4],
     points=(refkin.Point(name="P", body="rocker", position=(0.3, -0.4, 0.5)),),
 )
+SPINNING = replace(
+    space_scenes.rssr(),
+    times=space_scenes.TIMES[:4],
+    points=(refkin.Point(name="P", body="coupler", position=(0.3, -0.4, 0.5)),),
+)
+"""The point is on a rod between two balls."""
 
 
 def faults(scene, names=ALL):
@@ -40,7 +46,7 @@ def faults(scene, names=ALL):
     return record, [fault for fault in record.disagreements if "point" in fault.message]
 
 
-@pytest.mark.parametrize("scene", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("scene", [PLANE, SPACE, SPINNING], ids=["plane", "space", "spinning"])
 def test_every_method_says_how_points_move_and_is_right(scene):
     record, wrong = faults(scene)
 
@@ -66,7 +72,7 @@ PLANTS = {
 }
 
 
-@pytest.mark.parametrize("scene", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("scene", [PLANE, SPACE, SPINNING], ids=["plane", "space", "spinning"])
 @pytest.mark.parametrize("quantity", PLANTS)
 def test_a_point_that_moves_otherwise_than_its_body_is_seen_in_its_quantity(scene, quantity, monkeypatch):
     planted(monkeypatch, PLANTS[quantity])
