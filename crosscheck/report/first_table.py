@@ -30,8 +30,8 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     """Return blocks of rows, each under a `head` that says of what its digits are.
 
     First the methods that are compared on the same scenes (`crosscheck.report.alike`), then those of shipped defaults
-    that no drawn scene is sent through, as users run them. Last what answered fewer scenes: with the best of the first
-    block on the scenes that all of these have answered.
+    that no drawn scene is sent through, as users run them, and those of engines that answered none. Last what answered
+    fewer scenes: with the best of the first block on the scenes that all of these have answered.
     """
     first, *others = report["same_scenes"] or [NOBODY]
     apart = [tuple(who) for block in others for who in block["apart"]]
@@ -39,9 +39,12 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     of_first = [who for who in named if who not in apart]
     alike = f"{HALF}, on the {_size(first)} that all of these answered"
     blocks = [{"head": alike if first["scenes"] else "", "rows": _rows(report, first, of_first)}]
-    if shipped := [row for engine in report["engines"] for row in _as_shipped(report, engine)]:
-        most = ": the most digits of any setting on any scene of the price list" if report["price"] else ""
-        blocks.append({"head": f"as users run it, and asked other scenes{most}", "rows": shipped})
+    most = ": the most digits of any setting on any scene of the price list" if report["price"] else ""
+    answering = {row["engine"] for row in report["methods"] if row["scenes"]}
+    for head, at_all in (("as users run it, and asked other scenes", True), ("no answer but to other scenes", False)):
+        engines = [engine for engine in report["engines"] if (engine in answering) is at_all]
+        if others_asked := [row for engine in engines for row in _as_shipped(report, engine, sent=not at_all)]:
+            blocks.append({"head": f"{head}{most}", "rows": others_asked})
     for block in others:
         rows = _rows(report, block, [who for who in named if list(who) in block["apart"]])
         head = f"{HALF}, on the {_size(block)} that these and all of the first block answered"
@@ -95,8 +98,8 @@ def _fewer(block: Mapping[str, Any], digits: Mapping[str, Any]) -> int:
     return max((most[q] - cell["samples"] for q, cell in digits.items() if cell["samples"]), default=0)
 
 
-def _as_shipped(report: Report, engine: str) -> list[Row]:
-    """Return the rows of an engine's methods that were asked hard cases, and no drawn scene."""
+def _as_shipped(report: Report, engine: str, *, sent: bool) -> list[Row]:
+    """Return the rows of an engine's methods that were asked hard cases, and of drawn scenes none, or answered none."""
     asked_hard = dict.fromkeys(row["method"] for row in report["hard_cases"] or () if row["engine"] == engine)
     rows = []
     for method in (name for name in asked_hard if name not in report["engines"][engine]):
@@ -106,7 +109,7 @@ def _as_shipped(report: Report, engine: str) -> list[Row]:
         best = [max((d for quantity, d in digits if quantity == q), default=None) for q in SOLVED]
         shown = priced[0]["method"] if priced else method
         row = {"engine": engine, "method": shown, "cells": [_shown(None, None, 0) | {"best": d} for d in best]}
-        said = {**_silent(report, engine, method, {"scenes": 1}), "scenes": 0, "fewer": 0, "asked": False}
+        said = {**_silent(report, engine, method, {"scenes": 1}), "scenes": 0, "fewer": 0, "asked": sent}
         newton_by = priced[0].get("newton_by") if priced else None
         rows.append({**row, **said, "price": None, "priced": bool(priced), "instead": None, "newton_by": newton_by})
     return rows

@@ -508,6 +508,11 @@ def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_scree
     assert re.search("at most</span> <b>3.5</b>", page)
     assert "not asked" in page
 
+    report["methods"] = [row for row in report["methods"] if row["engine"] != "mujoco"]
+    (block,) = (block for block in first_table(report) if row["method"] in [r["method"] for r in block["rows"]])
+    assert block["head"].startswith("no answer but to other scenes: the most digits")
+    assert {row["asked"] for row in block["rows"]} == {True}  # it refused them
+
 
 ANSWERED = [
     {"times": 4, "compared": 3, "missing": 1, "seconds": 4e-6 * 10**2.005, "granted": {"stopping rule": 2e-9}},
