@@ -123,8 +123,9 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
         if level is None and name != "q":
             continue
-        if not (isinstance(level, np.ndarray) and level.dtype.kind == "f"):
-            yield f"{name}: expected an array of floats, got {getattr(level, 'dtype', type(level).__name__)}"
+        if isinstance(level, np.matrix) or not (isinstance(level, np.ndarray) and level.dtype.kind == "f"):
+            what = "a numpy.matrix" if isinstance(level, np.matrix) else getattr(level, "dtype", type(level).__name__)
+            yield f"{name}: expected an array of floats, got {what}"  # rows of a matrix are matrices
         elif level.shape != shape:
             yield f"{name} has shape {level.shape}, not {shape}: {width} rows a body"
     known = [b.name for b in scene.mechanism.bodies]

@@ -88,6 +88,10 @@ def test_an_engine_that_is_right_owes_nothing():
         (lambda motion: replace(motion, bodies=(), q=motion.q[:0]), "it answers for no body"),
         (lambda motion: replace(motion, points=[1]), "points: expected a table of PointMotion, got list"),
         (lambda motion: replace(motion, bodies=([], *motion.bodies[1:])), "it answers for [], which the scene has not"),
+        (
+            lambda motion: replace(motion, q=motion.q.view(np.matrix)),
+            "q: expected an array of floats, got a numpy.matrix",
+        ),
         (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
         (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
         (lambda motion: replace(motion, q=np.rint(motion.q).astype(int)), "q: expected an array of floats, got int64"),
