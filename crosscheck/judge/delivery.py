@@ -194,10 +194,14 @@ def _most(engine: str, scene: Scene, term: Term) -> float:
 
 
 def _so_small(absolute: float, most: float, scene: Scene) -> bool:
-    """Return whether an error of a residual is at most so large, or rounding of it: of as many turns as drivers go."""
+    """Return whether an error of a residual is at most so large, or rounding of it.
+
+    Of as many turns as drivers go, or as a joint holds a body turned.
+    """
     if absolute <= most:
         return True
-    reach = _reach(scene, scene.mechanism.drivers)
+    held = [abs(getattr(element, "angle", 0.0)) for element in elements_of(scene.mechanism.joints)]
+    reach = max(_reach(scene, scene.mechanism.drivers), *held)
     return absolute <= max(1.0, reach / math.tau) * ABSOLUTE  # what is documented grows with no turn
 
 

@@ -487,13 +487,17 @@ def test_how_far_a_mechanism_is_from_the_origin_pays_for_no_term():
 
 
 def test_of_a_residual_that_holds_a_large_angle_so_many_roundings_are_more():
-    """What a driver asks for is in its row: a thousand roundings of that, which are 63.7 turns, not of one."""
+    """What a driver asks for is in its row, and what a slide holds: a thousand roundings of that, not of one turn."""
     turns = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
         law=Polynomial(coefficients=(400.0,)), times=(0.0, 1.0)
     )
     sizes = [float(ABSOLUTE) * part for part in (1.0, 1.1, 63.0, 64.0)]
 
     assert [len(granted("any", turns, [big(absolute=size)])[0]) for size in sizes] == [1, 1, 1, 0]
+    slider = refkin.SliderCrank(crank=1.0, rod=2.5).scene(times=(0.0,))
+    joints = [replace(j, angle=-400.0) if isinstance(j, refkin.Prismatic) else j for j in slider.mechanism.joints]
+    held = replace(slider, mechanism=replace(slider.mechanism, joints=tuple(joints)))
+    assert [len(granted("any", held, [big(absolute=size)])[0]) for size in sizes] == [1, 1, 1, 0]
     assert [len(granted("any", SCENE, [big(absolute=size)])[0]) for size in sizes] == [1, 0, 0, 0]
 
 
