@@ -365,6 +365,10 @@ def _elsewhere(ref: Reference, motion: Motion, compared: Mapping[str, QuantityCo
     return elsewhere
 
 
+OWN_TURNS = 0.5
+"""The part of the residual in the reference's turns below which that in an answer's own ones says that it counts so."""
+
+
 def whole_poses(system: System, motion: Motion, samples: Any, ours: Any) -> Any:
     """Return an answer's poses (n, K) at some of its times, scaled; NaN in what is of bodies that it has not.
 
@@ -387,7 +391,10 @@ def whole_poses(system: System, motion: Motion, samples: Any, ours: Any) -> Any:
         q[len(bodies) :] = half_angles(system.mechanism, bodies)
     q = with_counts(system, system.to_unit(q), t, ours)
     known, own = np.isfinite(ours).all(axis=0), ours[: system.of_bodies]
-    bodies = q[: system.of_bodies]
+    bodies, given = q[: system.of_bodies], q.copy()
     bodies[:, known] = (own + difference(system, bodies, own, 0))[:, known]
     q[:, ~known] = with_turns(system, q[:, ~known], t[~known])
+    if np.any(np.abs(given - q) > 1.0):  # of another assembly the reference's turns may be none
+        left = [np.max(np.abs(np.nan_to_num(system.phi(x, t))), axis=0, initial=0.0) for x in (given, q)]
+        q = np.where(left[0] < OWN_TURNS * left[1], given, q)
     return with_contacts(system, q, t, ours)

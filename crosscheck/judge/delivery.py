@@ -201,7 +201,7 @@ def _so_small(absolute: float, most: float, scene: Scene) -> bool:
     if absolute <= most:
         return True
     held = [abs(getattr(element, "angle", 0.0)) for element in elements_of(scene.mechanism.joints)]
-    reach = max(_reach(scene, scene.mechanism.drivers), *held)
+    reach: float = max(_reach(scene, scene.mechanism.drivers), *held)
     return absolute <= max(1.0, reach / math.tau) * ABSOLUTE  # what is documented grows with no turn
 
 

@@ -214,6 +214,17 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     assert [item for item in record.disagreements if item.method == SHIPPED.name] == []
 
 
+def test_turns_that_newton_added_from_a_far_start_cost_no_digits():
+    """The rod was turned eleven times on the way to its first pose, and each pose was off by what an ulp is there."""
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
+    (rod,) = scene.mechanism.bodies
+    far = replace(rod, estimate=(-0.8068, 0.291, 0.53))
+    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=(far,)))
+
+    assert np.all(np.abs(Exudyn().solve(scene, STATIC).q[2]) < np.pi)
+    assert [d for d in check(scene, ["exudyn"]).disagreements if d.method == "static"] == []
+
+
 def test_what_its_stopping_rule_leaves_of_a_driven_distance_is_of_its_own_row_and_not_of_the_squared_one() -> None:
     """Its row, |d| - f, moves by 908 m from time to time, and is 33 m off at the estimates; ours is 357,464 m^2 off."""
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-squared-residual.toml")

@@ -39,6 +39,7 @@ from refkin.motion_laws import Polynomial, Table
 from refkin.scenes import files
 
 from .fake_engines import engine_file
+from .made_up_engines import Made
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9)
 CROSSED = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9, branch="crossed")
@@ -516,6 +517,28 @@ def test_a_limit_at_the_end_excuses_nobody_before_it():
 
     assert found(Wrapped(without_answers_from(8)), scene) == set()
     assert found(Wrapped(without_answers_from(4)), scene) == {("status", "no answer")}
+
+
+def test_another_assembly_counts_turns_of_its_own():
+    """Its rocker was turned back to the reference's, and it was said to violate the gear between rocker and wheel."""
+
+    def geared(branch, turns):
+        scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=(0.0, 0.3), branch=branch)
+        m = scene.mechanism
+        *others, rocker = m.bodies
+        x, y, phi = rocker.estimate
+        bodies = (
+            *others,
+            replace(rocker, estimate=(x, y, phi + turns * np.pi)),
+            Body(name="wheel", estimate=(6, 0, 0)),
+        )
+        pin = Revolute(name="pin", body_i=GROUND, point_i=(6, 0), body_j="wheel", point_j=(0, 0))
+        gear = refkin.Gear(name="gear", body_i="rocker", radius_i=1.0, body_j="wheel", radius_j=-0.7)
+        return replace(scene, mechanism=Mechanism(bodies, (*m.joints, pin, gear), m.drivers))
+
+    there = refkin.solve(geared("crossed", 6))
+    said = check(geared("open", 0), [Made("made", lambda motion: there)]).disagreements
+    assert {d.kind for d in said if d.method != "rows" and d.kind is not Cause.ORDER} == {Cause.OTHER_ASSEMBLY}
 
 
 def test_one_pose_of_another_assembly_does_not_name_what_is_plainly_wrong_elsewhere():

@@ -57,6 +57,23 @@ class StaticNewton:
         self.model = model
 
     def __call__(self, t: float, start: Array) -> Array:
+        q = self._found(t, start)
+        return self._unwound(t, q, start) if largest_of(q - start) > math.pi else q
+
+    def _unwound(self, t: float, q: Array, start: Array) -> Array:
+        """Return a pose without the turns that Newton added to angles from a far start, where no row counts them.
+
+        An angle of hundreds of turns has no digits left for the place in the last one.
+        """
+        back = q.copy()
+        back[2::3] -= math.tau * np.round((q - start)[2::3] / math.tau)
+        extent = max(1.0, largest_of(back))
+        if extent < largest_of(q) and largest_of(self.model.residual(back, t)) < STALLED * extent:
+            return self._found(t, back)
+        self.model.set_state(q, t)
+        return q
+
+    def _found(self, t: float, start: Array) -> Array:
         model = self.model
         model.set_state(start, t)
         extent = max(1.0, largest_of(start))
