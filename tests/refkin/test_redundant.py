@@ -269,6 +269,21 @@ def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok()
     assert np.isnan(motion.qdd).all()
 
 
+@pytest.mark.parametrize("hinges", [2, 3, 4])
+def test_a_door_may_hang_on_any_number_of_hinges(hinges):
+    """Of three there are more rows to spare than coordinates, and as many were asked to be changed for one another."""
+    scene = load(Path(__file__).parents[2] / "docs" / "scenes" / "spatial-distance-driver.toml")
+    (hinge,) = scene.mechanism.joints
+    joints = (hinge, *(replace(hinge, name=f"hinge {k}") for k in range(1, hinges)))
+    alone, motion = (
+        solve(replace(scene, times=(0.0, 0.3))),
+        solve(remade(replace(scene, times=(0.0, 0.3)), joints=joints)),
+    )
+
+    assert motion.verdict is Status.OK
+    assert_near(motion.q, alone.q, 16 * U, "q")
+
+
 def test_the_fast_path_says_which_choices_its_bounds_cover_too(monkeypatch):
     monkeypatch.setattr(choices, "MOST_CHOICES", 2)
     _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))

@@ -247,7 +247,7 @@ class _Moves:
         _, d, n = self.factors.shape
         own, limit = np.linalg.norm(self.inverse, axis=(1, 2)), self.limit
         gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [0.0 * own for _ in self.moved]
-        for count in range(1, d + 1):
+        for count in range(1, min(d, n) + 1):
             olds = np.array(list(combinations(range(n), count)))
             for new in map(np.array, combinations(range(d), count)):
                 rows = self.factors[:, new]
