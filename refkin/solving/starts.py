@@ -20,7 +20,7 @@ from refkin.model import Mechanism, Scene
 from refkin.motion import SINGULAR, Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.levenberg import least_squares
+from refkin.proof.assembly.levenberg import least_squares, levenberg_marquardt
 from refkin.proof.assembly.search import PRIMES, SAME, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.pose.isolate import isolate
@@ -77,7 +77,10 @@ def find_start(system: System, scene: Scene) -> Start:
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first.q, t):
             return Start(Status.OK, first.q)
         search = assemblies(system, t)
-        own = None if missing or search.complete else _own(system, search, estimate, first, t)
+        if search.complete:
+            own = None
+        else:
+            own = _beside(system, search, estimate, missing, t) if missing else _own(system, search, estimate, first, t)
         if search.poses:
             return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
         if search.unassemblable:
@@ -166,6 +169,46 @@ def _own(system: System, search: Assemblies, estimate: Any, first: NewtonResult,
     return found.q if not known and _contradicted(system, found, t) <= 1.0 else None
 
 
+def _beside(system: System, search: Assemblies, estimate: Any, missing: list[str], t: float) -> Any:
+    """Return the assembly to which estimates lead, the bodies that have none being put between the others first.
+
+    They are from a few places of their own. It is the first assembly that leaves the others where they are, else the
+    one that moves them least; None if none leads to one, or to one that the search knows.
+    """
+    held, best, least = _held(system, missing), None, math.inf
+
+    def placed(some: Any) -> Any:
+        q = estimate.copy()
+        q[~held] = some
+        return q
+
+    for k in range(1, NEW_ESTIMATES + 1):
+        start = _new_estimate(system, estimate, k, t)[~held]
+        between = levenberg_marquardt(
+            lambda x: system.phi(placed(x), t), lambda x: system.phi_q(placed(x), t)[:, ~held], start
+        )
+        found = least_squares(system, placed(between.q), t)
+        if _contradicted(system, found, t) <= 1.0:
+            q = _turned_to(system, found.q, estimate, held, t)
+            moved = float(np.max(np.abs(q - estimate)[held], initial=0.0))
+            best, least = (q, moved) if moved < least else (best, least)
+        if least <= NEARBY:
+            break
+    poses = [] if best is None else [_turned_to(system, q, estimate, held, t) - best for q in search.poses]
+    known = any(np.max(np.abs(off[: system.of_bodies])) <= SAME for off in poses)  # a contact may be turns on
+    return None if known else best
+
+
+def _held(system: System, missing: list[str]) -> Any:
+    """Return of which coordinates (n,) there is an estimate."""
+    held = np.zeros(system.n, bool)
+    for body in system.mechanism.bodies:
+        held[system.columns(body.name)] = body.name not in missing
+    for cam in polar_cams(system.mechanism.joints):
+        held[system.parameter(cam.name)] = cam.contact_estimate is not None
+    return held
+
+
 def _contradicted(system: System, found: NewtonResult, t: float) -> float:
     """Return by how many times what rounding explains redundant rows contradict a root; inf if it is none.
 
@@ -194,11 +237,7 @@ def _choice(
     chosen only where it is much nearer than all others: no motion starts there. It may be the only one: all were looked
     for because the estimate alone did not decide.
     """
-    held = np.zeros(system.n, bool)
-    for body in system.mechanism.bodies:
-        held[system.columns(body.name)] = body.name not in missing
-    for cam in polar_cams(system.mechanism.joints):
-        held[system.parameter(cam.name)] = cam.contact_estimate is not None
+    held = _held(system, missing)
     poses = [_turned_to(system, q, estimate, held, t) for q in (*search.poses, *([] if own is None else [own]))]
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
     away = np.array(poses) - estimate

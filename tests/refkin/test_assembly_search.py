@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +15,7 @@ from flint import arb, ctx
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import refkin
 from refkin.newton import NewtonStatus, newton
 from refkin.proof.assembly import search
 from refkin.proof.assembly.assembly import assemblies
@@ -20,7 +23,9 @@ from refkin.proof.assembly.levenberg import levenberg_marquardt
 from refkin.proof.assembly.loci import interval
 from refkin.proof.assembly.search import _Intervals, _Known, closes, refined
 from refkin.system import compile_system
+from tests.claims import assert_near
 from tests.drawn import Drawn
+from tests.linkages import remade
 
 from .assembly_cases import ROUND_OFF, cylinder, distance, four_bar, solved
 
@@ -312,3 +317,14 @@ def test_what_closed_form_places_at_no_trial_angle_is_found_from_poses_that_no_j
     assert len(result.poses) > 1
     assert not result.complete
     assert all(closes(system, q, 0.0) for q in result.poses)
+
+
+def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are():
+    """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-points-planes-and-links.toml")
+    first, *others = scene.mechanism.bodies
+    without = remade(scene, bodies=(replace(first, estimate=None), *others), times=scene.times[:1])
+    motion = refkin.solve(without)
+
+    assert_near(motion.q[:, 0], refkin.solve(scene).q[:, 0], 1e-12, "q")
+    assert motion.message == "no estimate for b1: that of the estimate, nearer than 1 others found"
