@@ -23,6 +23,7 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.errors import expect
 from refkin.joints import initial_contacts
+from refkin.joints.annotations import numbers
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import (
     SINGULAR,
@@ -64,6 +65,8 @@ def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
         Those of `newton`.
     """
     expect("system", system, System)
+    q0 = numbers("q0", q0, f"{system.n} coordinates", (system.n,))
+    t = t if isinstance(t, float) else numbers("t", t, "a time [s]", ())[()]
     return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0, **options)
 
 
@@ -80,7 +83,7 @@ def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
     phi_q : (m, n) or (m, n, B) array, optional
         The Jacobian there, if it is known already.
     """
-    expect("system", system, System)
+    q, t, phi_q = _given(system, q, t, phi_q)
     return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
 
 
@@ -94,8 +97,19 @@ def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> 
     q, qd : (n,) or (n, B) array
         A pose and its velocity, or a batch of them.
     """
-    expect("system", system, System)
+    q, t, phi_q = _given(system, q, t, phi_q)
+    qd = numbers("qd", qd, "velocities in the shape of q", q.shape)
     return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
+
+
+def _given(system: System, q: Any, t: Any, phi_q: Any) -> tuple[Any, Any, Any]:
+    """Return q, t and phi_q, where it is known, as numbers of shapes that go together; a number t stays one."""
+    expect("system", system, System)
+    q = numbers("q", q, f"{system.n} coordinates", (system.n,), (system.n, None))
+    t = t if isinstance(t, float) else numbers("t", t, "a time [s], or one for each pose", (), q.shape[1:])[()]
+    if phi_q is not None:
+        phi_q = numbers("phi_q", phi_q, "the Jacobian of each pose", (system.m, system.n, *q.shape[1:]))
+    return q, t, phi_q
 
 
 def sigma_min(phi_q: Any) -> float:
@@ -115,6 +129,7 @@ def sweep(scene: Scene) -> Motion:
     `singular` if only sigma_min is too small; `not_converged` if there is no first pose, or rates are too large for
     numbers; `branch_lost` after the last.
     """
+    expect("scene", scene, Scene)
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimate_of(system, scene), scene.times[0])
     q = march(system, first.q, scene.times) if first.converged else np.full((system.n, len(t)), np.nan)

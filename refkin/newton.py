@@ -138,6 +138,8 @@ def newton(
     for name, count in (("max_iterations", max_iterations), ("jacobian_every", jacobian_every)):
         if not (isinstance(count, int | np.integer) and count >= 0):
             raise InvalidRequest(name, "a whole number from 0 on", repr(count)[:LONGEST])
+    if type(damped) not in (bool, np.bool_):
+        raise InvalidRequest("damped", "True or False", repr(damped)[:LONGEST])
     q = _row(q0)
     if not np.isfinite(q).all():
         return NewtonResult(NewtonStatus.NOT_FINITE, q, q[None], q[None] * np.nan, np.empty((0, q.size)))
@@ -188,8 +190,9 @@ def solve_linear(matrix: Any, right: Any) -> Any:
 
 def _row(q0: Any) -> Any:
     q = _vector(q0, "q0")
-    if q0 is None or q.ndim != 1 or not q.size:
-        raise InvalidRequest("q0", "a number or a row of numbers", "None" if q0 is None else f"shape {q.shape}")
+    unread = q0 is None or np.asarray(q0).dtype.kind in "SU"
+    if unread or q.ndim != 1 or not q.size:
+        raise InvalidRequest("q0", "a number or a row of numbers", repr(q0)[:LONGEST] if unread else f"shape {q.shape}")
     return q
 
 

@@ -16,10 +16,12 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidRequest, InvalidScene, NotCalledFor, RefkinError, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
+from refkin.joints.annotations import check, is_real, numbers
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
 
 EVERYTHING = frozenset(Effect)
+FLOAT = np.zeros(())
 PROFILE_ORDER = 3
 """The highest derivative of a profile that any formula takes: gamma holds the second rate of its tangent."""
 
@@ -84,7 +86,7 @@ class System:
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
-        out = np.zeros((self.m, self.n, *np.shape(q)[1:]), dtype=np.result_type(np.asarray(q), np.asarray(t)))
+        out = np.zeros((self.m, self.n, *np.shape(q)[1:]), dtype=_arithmetic(q, t))
         for p, start, block in self.blocks(self._values(q), t):
             for k, row in enumerate(block, p.row):
                 for column, entry in enumerate(row, start):
@@ -103,7 +105,7 @@ class System:
 
     def to_unit(self, q: Any, order: int = 0) -> Any:
         """Return coordinates (order 0) or rates (1, 2) in m and rad as those of this system: all n, or the bodies'."""
-        out = np.array(q, copy=True)
+        out = np.array(q, _arithmetic(q), copy=True)
         for k, shift in enumerate(self.unit.origin):
             at = slice(k, self.of_bodies, self.kind.width)
             out[at] = (out[at] - (0.0 if order else shift)) / self.unit.size
@@ -111,7 +113,7 @@ class System:
 
     def to_physical(self, q: Any, order: int = 0, copy: bool | None = True) -> Any:
         """Return coordinates (order 0) or rates (1, 2) in m, rad: all n, or the bodies'; in place if copy is None."""
-        out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
+        out = np.array(q, _arithmetic(q), copy=copy)
         for k, shift in enumerate(self.unit.origin):
             at = out[k : self.of_bodies : self.kind.width]
             at *= self.unit.size
@@ -122,7 +124,7 @@ class System:
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if (q := np.asarray(q)).ndim == 1 else q
-        if len(numbers) != self.n:
+        if q.shape[:1] != (self.n,):
             raise InvalidRequest("q", f"{self.n} coordinates", f"shape {q.shape}")
         kind, width = self.kind, self.kind.width
         places = {k: slice(k, k + width) for k in range(0, self.of_bodies, width)}
@@ -188,6 +190,8 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     """
     for name, value, known in (("mechanism", mechanism, Mechanism), ("effects", effects, Set), ("unit", unit, Unit)):
         expect(name, value, known)
+    check("unit.size", "a finite number above 0", unit.size, is_real(unit.size) and 0.0 < unit.size < np.inf)
+    numbers("unit.origin", unit.origin, "two or three numbers", (2,), (3,))
     kind, bodies = mechanism.kind, mechanism.bodies
     effects |= {Effect.VELOCITY} if Effect.ACCELERATION in effects else set()
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
@@ -220,7 +224,12 @@ def _counted(c: Constraint, parts: Any, count: int, what: str) -> Any:
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:
     """Return rows, some of them plain numbers, as one array of the arithmetic of q and t."""
-    out = np.empty((m, *np.shape(q)[1:]), dtype=np.result_type(np.asarray(q), np.asarray(t)))
+    out = np.empty((m, *np.shape(q)[1:]), dtype=_arithmetic(q, t))
     for k, row in enumerate(rows):
         out[k] = row
     return out
+
+
+def _arithmetic(q: Any, t: Any = 0.0) -> Any:
+    """Return the dtype of what is computed of these: of whole numbers it is float, as a joint's lengths are none."""
+    return np.result_type(np.asarray(q), np.asarray(t), FLOAT)

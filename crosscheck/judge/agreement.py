@@ -17,7 +17,8 @@ from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.spatial import alike, passive_lines
 from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import violations
-from refkin.errors import InvalidRequest, RefkinError, expect
+from refkin.errors import RefkinError, expect
+from refkin.joints.annotations import check, is_real
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Status, engine_motion
 from refkin.output.tables import UNITS
@@ -56,8 +57,7 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     """
     expect("motion", motion, Motion, Mapping)
     expect("scene", scene, Scene)
-    if not 0.0 <= residual < np.inf:
-        raise InvalidRequest("residual", "a number that is not negative", repr(residual))
+    check("residual", "a number that is not negative", residual, is_real(residual) and 0.0 <= residual < np.inf)
     ref = reference(scene)
     answer = motion if isinstance(motion, Motion) else _completed(ref, motion)
     for why in misshapen(scene, answer):

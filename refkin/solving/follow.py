@@ -254,6 +254,8 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     InvalidRequest
         If a joint of one's own has laws that are no fields of it: they cannot be held.
     """
+    expect("scene", scene, Scene)
+    expect("driver", driver, str)
     m, t = scene.mechanism, scene.times[0]
     if driver not in (d.name for d in m.drivers):
         raise UnknownName("driver", driver, tuple(d.name for d in m.drivers))

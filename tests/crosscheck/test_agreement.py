@@ -168,7 +168,7 @@ def test_a_whole_answer_owes_what_an_engine_owes(scene, motion, said):
         crosscheck.assert_agrees(motion, scene)
 
 
-@pytest.mark.parametrize("residual", [-1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("residual", [-1.0, float("nan"), float("inf"), None, "0", 1j, np.zeros(2)])
 def test_a_residual_is_a_number_that_is_not_negative(residual):
     with pytest.raises(ValueError, match="residual: expected a number that is not negative, got"):
         crosscheck.assert_agrees(refkin.solve(FOUR_BAR), FOUR_BAR, residual=residual)

@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import crosscheck
 import refkin
 import refkin.scenes.files
 from refkin import AngleDriver, Body, Integral, Mechanism, Point, Polynomial, Revolute, Scene, Sinusoid, Table
+from refkin.analysis import sweep
 from refkin.joints import Gear
 from refkin.model import _diameter
 from refkin.scenes.linkages import Hooke
+from refkin.solving.follow import driven_by
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -67,6 +70,7 @@ def test_lists_and_arrays_make_the_same_scene(file):
 
 ROW = np.array([1.0, 2.0])
 BARS = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+SYSTEM = refkin.compile_system(mechanism())
 TABLE = Table(argument=np.array([0.0, 1.0, 2.0]), value=[0.0, 1.0, 1.5])
 WRONG = {
     "joint[0].point_i: expected a row of 2 numbers, got ('a', 0.0)": lambda: mechanism(pin=("a", 0.0)),
@@ -176,6 +180,36 @@ def test_times_may_come_from_anything_that_yields_them(times):
 
 
 ASKED = {
+    "q0: expected 3 coordinates, got 'abc'": lambda: refkin.position(SYSTEM, "abc", 0.0),
+    "q0: expected 3 coordinates, got [1j, 0, 0]": lambda: refkin.position(SYSTEM, [1j, 0, 0], 0.0),
+    "q0: expected 3 coordinates, got [None, 0, 0]": lambda: refkin.position(SYSTEM, [None, 0, 0], 0.0),
+    "q0: expected 3 coordinates, got [[0], [1, 2], 0]": lambda: refkin.position(SYSTEM, [[0], [1, 2], 0], 0.0),
+    "q0: expected 3 coordinates, got shape (3, 2)": lambda: refkin.position(SYSTEM, np.zeros((3, 2)), 0.0),
+    "t: expected a time [s], got '0'": lambda: refkin.position(SYSTEM, [0, 0, 0], "0"),
+    "t: expected a time [s], got shape (2,)": lambda: refkin.position(SYSTEM, [0, 0, 0], ROW),
+    "q: expected 3 coordinates, got 'abc'": lambda: refkin.velocity(SYSTEM, "abc", 0.0),
+    "q: expected 3 coordinates, got shape ()": lambda: SYSTEM.phi(0.0, 0.0),
+    "t: expected a time [s], or one for each pose, got None": lambda: refkin.velocity(SYSTEM, np.zeros(3), None),
+    "t: expected a time [s], or one for each pose, got shape (2,)": lambda: refkin.velocity(
+        SYSTEM, np.zeros((3, 5)), ROW
+    ),
+    "phi_q: expected the Jacobian of each pose, got shape (2,)": lambda: refkin.velocity(SYSTEM, np.zeros(3), 0.0, ROW),
+    "qd: expected velocities in the shape of q, got shape (1,)": lambda: refkin.acceleration(
+        SYSTEM, [0, 0, 0], [0], 0.0
+    ),
+    "scene: expected a Scene, got a Mechanism": lambda: driven_by(mechanism(), "motor"),
+    "driver: expected a str, got a ndarray": lambda: driven_by(scene(), ROW),
+    "scene: expected a Scene, got a NoneType": lambda: sweep(None),
+    "unit.size: expected a finite number above 0, got 'a'": lambda: refkin.compile_system(
+        mechanism(), unit=refkin.Unit("a")
+    ),
+    "unit.origin: expected two or three numbers, got None": lambda: refkin.compile_system(
+        mechanism(), unit=refkin.Unit(1.0, None)
+    ),
+    "certified: expected True or False, got array([1., 2.])": lambda: refkin.solve(scene(), certified=ROW),
+    "damped: expected True or False, got array([1., 2.])": lambda: refkin.newton(abs, abs, 1.0, damped=ROW),
+    "q0: expected a number or a row of numbers, got '1'": lambda: refkin.newton(abs, abs, "1"),
+    "show: expected True or False, got array([1., 2.])": lambda: crosscheck.compare(scene(), [], show=ROW),
     "q: expected 3 numbers, got 'abc'": lambda: refkin.diagnose(scene(), q="abc"),
     "q: expected 3 numbers, got {}": lambda: refkin.diagnose(scene(), q={}),
     "q: expected 3 numbers, got 1.0": lambda: refkin.diagnose(scene(), q=1.0),
