@@ -41,7 +41,7 @@ CLEARLY = 1 / 8
 AT_END = 1e-6
 """Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 MOST_SEARCHES = 4
-"""How many searches for a proof that poses do not exist, for mechanisms without a closed form: up to a second each."""
+"""How many searches for a proof that poses do not exist, where closed form does not do: a second or some each."""
 
 
 def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:

@@ -23,8 +23,8 @@ from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBran
 from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, read_rows
-from refkin.proof.assembly.search import Assemblies, Search, by_search, closes, coordinates, none_of
-from refkin.proof.assembly.spatial import across, assemblies_in_space, certain_miss, point_rows
+from refkin.proof.assembly.search import Assemblies, Search, by_search, closes, coordinates, none_of, starts_of
+from refkin.proof.assembly.spatial import MOST_STARTS, across, assemblies_in_space, certain_miss, point_rows
 from refkin.system import System
 
 PRECISION = 113
@@ -77,8 +77,9 @@ def _in_space(system: System, t: float, trying: bool) -> Assemblies:
         return none_of([end])
     if not trying:
         return Assemblies(message="no closed form")
-    poses = assemblies_in_space(system, t)
-    return by_search(tuple(poses), (math.nan,) * len(poses))
+    poses, allowed = assemblies_in_space(system, t), starts_of(system.n)
+    note = f"so large a mechanism has no more than {allowed} starts" if allowed < MOST_STARTS else ""
+    return by_search(tuple(poses), (math.nan,) * len(poses), note=note)
 
 
 def _placed(system: System, t: float, placement: Placement) -> Assemblies:

@@ -52,6 +52,8 @@ class Placement:
     ends: list[DeadEnd] = field(default_factory=list)
     stuck: list[PlacedBranch] = field(default_factory=list)
     truncated: bool = False
+    taken: int = 0
+    """How many steps were taken, over all branches."""
 
     @property
     def impossible(self) -> bool:
@@ -80,6 +82,7 @@ def place(
     worker = _Worker(rows.rows, size, holding)
     for step in plan.steps:
         reached: list[PlacedBranch] = []
+        placement.taken += len(placement.branches)
         for branch in placement.branches:
             reached += worker.take(step, branch, placement)
         placement.truncated |= len(reached) > MOST_BRANCHES

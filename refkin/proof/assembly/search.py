@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,13 @@ WIDTHS = (2e-3, 1e-5, 1e-8)
 """Widths of intervals at which Newton is started from their middles [rad]."""
 MOST_INTERVALS = 2000
 """How many intervals are looked at before a proof is given up: about a second for a triad."""
+MOST_STEPS = 10_000
+"""How many steps of closed form are taken: in a larger group an interval has many branches, each of many steps."""
 PROBE = 0.2
 """Width of the first intervals that are started from, a few of them: most assemblies, or a continuum, show [rad]."""
 MOST_STARTS = 64
+MOST_WORK = 53_000
+"""How many starts there may be, times n^2: each takes up to 20 ms with 21 coordinates, 140 ms with 56."""
 MOST_POSES = 32
 MOST_LOOSE = 3
 """How many assemblies that are not proved to be isolated make a continuum of them likely: there is no end of such."""
@@ -76,7 +80,7 @@ class Assemblies:
     message : str
         In words.
     searched : bool
-        Whether closed form did not do and a search was made, which takes up to a second.
+        Whether closed form did not do and a search was made, which takes about a second, or some where it is large.
     """
 
     poses: tuple[Array, ...] = ()
@@ -145,7 +149,7 @@ class Search:
         self.names = [body.name for body in system.mechanism.bodies]
         self.turned, self.plan = self._trial_angles()
         self.known: list[_Known] = []
-        self.failures = 0
+        self.failures = self.taken = self.started = 0
 
     def run(self) -> Assemblies:
         """Return what is found, in narrower and narrower intervals of the angle that opens the group."""
@@ -163,7 +167,7 @@ class Search:
             intervals.halve(width)
             self._try(intervals.middles(MOST_STARTS))
             intervals.open = [part for part in intervals.open if not intervals.done(part)]
-            if not intervals.open or self.exhausted:
+            if not intervals.open or self.exhausted or intervals.width > width:
                 break
         if not intervals.open:
             return self._result(complete=True) if self.known else self._none(intervals.gap)
@@ -174,9 +178,12 @@ class Search:
         """Return the placement with the trial angles given."""
         trial = (AngleConstraint(GROUND, body, a, NAME) for body, a in zip(self.turned, angles, strict=True))
         rows = replace(self.rows, relative_angles=(*self.rows.relative_angles, *trial))
-        return place(self.plan, rows, self.names, self.system.unit.size, holding)
+        placement = place(self.plan, rows, self.names, self.system.unit.size, holding)
+        self.taken += placement.taken
+        return placement
 
     def _result(self, note: str = "", complete: bool = False) -> Assemblies:
+        note += "; not all starts were tried" if self.spent and not complete else ""
         poses, radii = (tuple(getattr(known, key) for known in self.known) for key in ("q", "radius"))
         return by_search(poses, radii, complete, why=self.why, note=note)
 
@@ -227,15 +234,22 @@ class Search:
     def exhausted(self) -> bool:
         """Whether looking on is in vain."""
         loose = sum(known.alone == 0.0 for known in self.known)
-        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE
+        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE or self.spent
+
+    @property
+    def spent(self) -> bool:
+        """Whether the starts, and the steps to them, were as many as there may be."""
+        return self.started >= starts_of(self.system.n) or self.taken > MOST_STEPS
 
     def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
         """Note the new assemblies that Newton reaches from trial angles."""
-        self._try_starts(start for angles in trials for start in self._starts(angles))
+        affordable = takewhile(lambda _: not self.spent, trials)
+        self._try_starts(start for angles in affordable for start in self._starts(angles))
 
     def _try_starts(self, starts: Iterable[Array], most_failures: int = MOST_FAILURES) -> None:
         for start in starts:
             q = refined(self.system, start, self.t)
+            self.started += 1
             self.failures = self.failures + 1 if q is None else 0
             q = None if q is None else self._without_turns(q)
             if q is not None and self._is_new(q):
@@ -294,11 +308,16 @@ class _Intervals:
 
     def halve(self, width: float) -> None:
         """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
-        while self.open and self.width > width and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS:
+        while self.open and self.width > width and self._affordable(2 * len(self.open)):
             self.looked_at += 2 * len(self.open)
             halves = [half for low, high in self.open for half in pairwise((low, (low + high) / 2, high))]
             self.open = [part for part in halves if not self.done(part)]
             self.width /= 2
+
+    def _affordable(self, more: int) -> bool:
+        """Whether there may be so many intervals more, each of as many steps as those so far."""
+        every = self.looked_at + more
+        return every <= MOST_INTERVALS and self.search.taken * every <= MOST_STEPS * max(1, self.looked_at)
 
     def middles(self, most: int) -> tuple[tuple[float], ...]:
         """Return the middles of the open intervals: all, or some evenly."""
@@ -326,6 +345,11 @@ class _Intervals:
             if off <= known.alone:
                 return True
         return False
+
+
+def starts_of(n: int) -> int:
+    """Return how many starts a search may have where there are n coordinates: each takes longer the more they are."""
+    return max(1, MOST_WORK // n**2)
 
 
 def radical_inverse(k: int, base: int) -> float:

@@ -38,7 +38,7 @@ from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.closed_form import DeadEnd
 from refkin.proof.assembly.loci import Ball, below, length, root
 from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, wide
-from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined
+from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined, starts_of
 from refkin.proof.numbers.exact import exact
 from refkin.system import System
 
@@ -226,7 +226,7 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
     """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one."""
     poses: list[Any] = []
     since = 0
-    for start in starts(system, t):
+    for start in starts(system, t, min(MOST_STARTS, starts_of(system.n))):
         q = refined(system, start, t)
         q = None if q is None else signed(system, q, np.ones(system.n))
         new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
