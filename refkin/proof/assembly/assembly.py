@@ -78,7 +78,7 @@ def _in_space(system: System, t: float, trying: bool) -> Assemblies:
     if not trying:
         return Assemblies(message="no closed form")
     poses, allowed = assemblies_in_space(system, t), starts_of(system.n)
-    note = f"so large a mechanism has no more than {allowed} starts" if allowed < MOST_STARTS else ""
+    note = f"so large a mechanism has {allowed} starts in vain at most" if allowed < MOST_STARTS else ""
     return by_search(tuple(poses), (math.nan,) * len(poses), note=note)
 
 

@@ -45,7 +45,7 @@ PROBE = 0.2
 """Width of the first intervals that are started from, a few of them: most assemblies, or a continuum, show [rad]."""
 MOST_STARTS = 64
 MOST_WORK = 53_000
-"""How many starts there may be, times n^2: each takes up to 20 ms with 21 coordinates, 140 ms with 56."""
+"""How many starts there may be, in space in vain, times n^2: each takes 20 ms with 21 coordinates, 140 ms with 56."""
 MOST_POSES = 32
 MOST_LOOSE = 3
 """How many assemblies that are not proved to be isolated make a continuum of them likely: there is no end of such."""

@@ -226,14 +226,15 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
     """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one."""
     poses: list[Any] = []
     since = 0
-    for start in starts(system, t, min(MOST_STARTS, starts_of(system.n))):
+    left = starts_of(system.n)  # in vain: one that leads to a new pose is short, and what the search is for
+    for start in starts(system, t):
         q = refined(system, start, t)
         q = None if q is None else signed(system, q, np.ones(system.n))
         new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
-        since = 0 if new else since + 1
+        since, left = (0, left) if new else (since + 1, left - 1)
         if new:
             poses.append(q)
-        if len(poses) >= MOST_POSES or since >= ENOUGH:
+        if len(poses) >= MOST_POSES or since >= ENOUGH or not left:
             break
     return poses
 
