@@ -257,7 +257,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         ),
         size=(e_phi, velocity.size, acceleration.size),
         rates=(np.zeros_like(rate), rate, bend + rate**2),
-        rounding=output_rounding(system, q, qd, qdd),
+        rounding=output_rounding(system, q, qd, qdd, t),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
         rests=np.array([np.zeros_like(still), still, still & steady]),
     )

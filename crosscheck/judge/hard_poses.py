@@ -275,7 +275,7 @@ def least_error(system: System, q: Any, t: float, left: Any = 0.0) -> Any:
     """
     e, slope = residual_error(system, q, t) + left, system.phi_q(q, t)
     still = np.zeros((system.n, 1))
-    out = rounding.output_rounding(system, q[:, None], still, still)[0][:, 0]
+    out = rounding.output_rounding(system, q[:, None], still, still, np.array([t]))[0][:, 0]
     for rows, own in parts_of(system):
         u, s, vt = np.linalg.svd(slope[np.ix_(rows, own)], full_matrices=False)
         v = np.zeros(system.n)

@@ -63,7 +63,8 @@ def points_off(
     whole = [q for k, q in enumerate(LEVELS) if all(level is not None for level in motion.levels[: k + 1])]
     spinning, own = {body for spin in ref.passive for body in spin}, all_levels(ref.system, motion)
     scaled = [ref.system.to_unit(level, order) for order, level in enumerate(own)]
-    rounding = output_rounding(ref.system, *np.nan_to_num(scaled))
+    q, qd, qdd = np.nan_to_num(scaled)
+    rounding = output_rounding(ref.system, q, qd, qdd, motion.t)
     for point in ref.scene.points:
         theirs, ours = motion.points.get(point.name), ref.motion.points[point.name]
         given: dict[str, Any] = {q: getattr(theirs, LEVELS[q], None) for q in owed}

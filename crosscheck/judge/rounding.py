@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.parts import by_part, links_of, parts_of
+from crosscheck.judge.parts import Parts, by_part, links_of, parts_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
+from refkin.joints.spatial_drivers import TurnDriver
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import Times, bounded_system
 from refkin.system import System
@@ -176,25 +177,39 @@ def _steepest(steps: Any, periodic: bool) -> Any:
     return slopes
 
 
-def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
+def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any, Any]:
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
-    A pose at the end of a chain is a sum of arms of one size, one per body or massless link, and of the angles of the
-    others, each rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. All
-    are of one part. In metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
+    A pose at the end of a chain is a sum of arms of one size, one per body or massless link, each turned by an angle
+    that is rounded, and of the angles of the others; so are its rates, of omega r, and of alpha r and omega^2 r, also
+    where the sum is small. All are of one part. In metres a pose is rounded relative to its distance from the scene's
+    origin, which is not ours.
 
     Parameters
     ----------
     system : System
     q, qd, qdd : (n, T) array
         The solution, in the system's coordinates.
+    t : (T,) array
+        Times [s].
     """
     place, metres = parts_of(system), np.abs(system.to_physical(q))
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
-    is_angle = system.angles[:, None]
-    largest_angle, rate, bend = (by_part(largest, x, own, own) for x in (np.where(is_angle, metres, 0.0), qd, qdd))
-    position = np.maximum(arms, np.where(is_angle, largest_angle, metres / size))
+    turned, rate, bend = (by_part(largest, x, own, own) for x in (metres * system.angles[:, None], qd, qdd))
+    arms = np.maximum(arms, np.maximum(turned, _driven(system, place, t)))
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
-    return roundings * position, roundings * arms * rate, roundings * arms * (bend + rate**2)
+    return roundings * np.maximum(arms, metres / size), roundings * arms * rate, roundings * arms * (bend + rate**2)
+
+
+def _driven(system: System, place: Parts, t: Any) -> Any:
+    """Return how far [rad] drivers turn joints of each part of space (n, T): no coordinate of a body tells.
+
+    Who works in the angles of joints has other joints turn as far, and rounds that.
+    """
+    driven = np.zeros((system.n, len(t)))
+    for p in (p for p in system.placed if isinstance(p.constraint, TurnDriver)):
+        ((angle,),) = p.constraint.inputs(t, system.unit, 0)
+        driven = np.maximum(driven, (place.coordinates == place.rows[p.row])[:, None] * np.abs(angle))
+    return driven

@@ -104,7 +104,8 @@ class Uncompared:
             q = np.nan_to_num(whole, nan=1.0)
             system = self.system.held_at(q)  # no spin violates anything
             rows, still = rows_among(system, whole), 0.0 * q
-            rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, still, still)[0])
+            rounding = output_rounding(system, q, still, still, t)[0]
+            rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), rounding)
             formulas = residual_error(system, q, t)
             off = formulas + table_error(system, Times(t, 0), 0)
             allowed = off + rounded + self._added(formulas)
@@ -158,7 +159,7 @@ class Uncompared:
         """
         place, opened = parts_of(system), []
         qd, qdd = (system.to_unit(level, k) for k, level in enumerate(levels[1:], 1))
-        rounding, slope = output_rounding(system, q, qd, qdd), system.phi_q(q, t)
+        rounding, slope = output_rounding(system, q, qd, qdd, t), system.phi_q(q, t)
         rate, bend = (by_part(largest, x, place.coordinates, place.rows) for x in (qd, qdd))
         left = by_part(largest, np.where(rows[:, None], system.phi(q, t), 0.0), place.rows, place.rows)
         turned = TURNING * rate * left, TURNING * (1.0 + 2.0 * TURNING) * (bend + rate**2) * left

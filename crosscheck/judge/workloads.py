@@ -199,7 +199,7 @@ def allowed(sparse: Any, q: Any, t: float) -> Any:
     lu = factors(sparse.phi_q(q, t))
     carried = np.max(np.abs(np.stack([lu.solve(column * e_phi) for column in signs.T])), axis=0)
     still = np.zeros((len(q), 1))
-    return carried + output_rounding(sparse.system, q[:, None], still, still)[0][:, 0]
+    return carried + output_rounding(sparse.system, q[:, None], still, still, np.array([t]))[0][:, 0]
 
 
 def residual_error(sparse: Any, q: Any, t: float) -> Any:

@@ -184,7 +184,7 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
 def test_random_signs_carry_most_of_what_the_worst_signs_would_and_no_more():
     system = sparse_system(WORK)
     q, still = system.system.to_unit(refkin.solve(WORK.scene).q)[:, 0], np.zeros((system.system.n, 1))
-    rounded = output_rounding(system.system, q[:, None], still, still)[0][:, 0]
+    rounded = output_rounding(system.system, q[:, None], still, still, np.zeros(1))[0][:, 0]
     worst = np.abs(np.linalg.inv(system.system.phi_q(q, 0.0))) @ (SAFETY * residual_error(system, q, 0.0))
     part = (allowed(system, q, 0.0) - rounded) / worst
 

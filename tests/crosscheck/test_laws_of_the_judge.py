@@ -241,18 +241,18 @@ def test_no_residual_of_a_norm_moves_a_rate_further_than_the_worst_of_that_norm(
 
 
 def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_origin():
-    """Three arms, six roundings each; angles add up, so that the largest counts; rates of omega r, and omega^2 r."""
+    """Three arms, six roundings each, or as many as the largest angle is, which turns them; rates likewise."""
     system = compile_system((mechanism := LINKAGE.scene().mechanism), unit=mechanism.unit())
     size = system.unit.size
     q = np.array([[40.0, 1.0, 0.5, 2.0, -70.0, -9.0, 1.0, 1.0, 4.0]]).T
     qd = np.array([[0.5, -7.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]]).T
     qdd = np.array([[0.5, 2.0, -11.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]]).T
-    x, v, a = output_rounding(system, system.to_unit(q), qd, qdd)
-    expected = [max(3.0, 40.0 / size), 3.0, 9.0, 3.0, max(3.0, 70.0 / size), 9.0, 3.0, 3.0, 9.0]
+    x, v, a = output_rounding(system, system.to_unit(q), qd, qdd, np.zeros(1))
+    expected = [max(9.0, 40.0 / size), 9.0, 9.0, 9.0, max(9.0, 70.0 / size), 9.0, 9.0, 9.0, 9.0]
 
     assert x[:, 0] / (6 * U) == pytest.approx(expected)
-    assert v / (6 * U) == pytest.approx(3 * 7.0)
-    assert a / (6 * U) == pytest.approx(3 * (11.0 + 49.0))
+    assert v / (6 * U) == pytest.approx(9 * 7.0)
+    assert a / (6 * U) == pytest.approx(9 * (11.0 + 49.0))
 
 
 def test_a_massless_link_is_an_arm_as_a_body_is():
@@ -263,7 +263,8 @@ def test_a_massless_link_is_an_arm_as_a_body_is():
     links = sum(isinstance(joint, Distance) for joint in mechanism.joints)
 
     assert links == 1
-    assert output_rounding(system, still, turning, still)[1] / (6 * U) == pytest.approx(len(mechanism.bodies) + links)
+    rates = output_rounding(system, still, turning, still, np.zeros(1))[1]
+    assert rates / (6 * U) == pytest.approx(len(mechanism.bodies) + links)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
@@ -272,7 +273,7 @@ def test_a_parameter_of_a_turn_is_rounded_as_itself_whatever_the_size(size):
     mechanism = refkin.load(CORPUS / "space-turns-of-a-tiny-linkage.toml").mechanism
     system = compile_system(mechanism, unit=replace(mechanism.unit(), size=size))
     still, turns = np.zeros((system.n, 1)), system.turns == 2.0
-    rounding = output_rounding(system, 1.0 * turns[:, None], still, still)[0]
+    rounding = output_rounding(system, 1.0 * turns[:, None], still, still, np.zeros(1))[0]
 
     assert rounding[turns] / (6 * U) == pytest.approx(len(mechanism.bodies) + 1)  # a massless link
 
@@ -443,7 +444,7 @@ def test_the_least_error_holds_every_residual_of_round_off_at_a_regular_pose(cra
     )
     system, q = ref.system, ref.levels[0][:, 0]
     corners = np.abs(np.linalg.inv(system.phi_q(q, 0.7))) @ residual_error(system, q, 0.7)
-    granted = least_error(system, q, 0.7) - output_rounding(system, *3 * [q[:, None]])[0][:, 0]
+    granted = least_error(system, q, 0.7) - output_rounding(system, *3 * [q[:, None]], np.array([0.7]))[0][:, 0]
 
     assert np.all(corners <= granted * (1 + 1e-9))
     assert np.max(granted) < 20 * np.max(corners)

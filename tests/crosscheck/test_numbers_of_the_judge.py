@@ -39,11 +39,11 @@ def test_an_angle_is_stated_in_radians_and_a_place_in_sizes():
     far = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(4e3, 0.0)).scene(samples=2)
     system = compile_system(far.mechanism, unit=far.mechanism.unit())
     q = np.array([0.0, 0.0, 40.0] * 3)
-    costs = output_rounding(system, *3 * [q[:, None]])[0].reshape(3, 3)
+    costs = output_rounding(system, *3 * [q[:, None]], np.zeros(1))[0].reshape(3, 3)
 
     assert costs[:, 2] == pytest.approx(6 * U * 40.0, rel=1e-12, abs=0.0)
     assert costs[:, 0] == pytest.approx(6 * U * 4e3 / far.mechanism.size(), rel=1e-12, abs=0.0)
-    assert costs[:, 1] == pytest.approx(6 * U * 3.0, rel=1e-12, abs=0.0)
+    assert costs[:, 1] == pytest.approx(6 * U * 40.0, rel=1e-12, abs=0.0)
 
 
 def rows(fault: float):

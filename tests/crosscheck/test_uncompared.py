@@ -11,6 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines import Term
 from crosscheck.engines.loading import load
+from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.uncompared import Uncompared
@@ -21,7 +22,8 @@ from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
 from tests.refkin.test_answers import files
 
-CORPUS = Path(__file__).parents[1] / "corpus"
+ROOT = Path(__file__).parents[2]
+CORPUS = ROOT / "tests" / "corpus"
 OPEN, NUMBERLESS = (("position", cause) for cause in (Cause.UNCLOSED, Cause.NO_NUMBER))
 LOST = {
     "limit-touched-1e-17": Status.BRANCH_LOST,
@@ -98,6 +100,20 @@ def test_a_closed_pose_is_closed_whatever_the_turns_and_whatever_joints_bring(na
     ]
 
     assert kinds == [[], [Cause.UNCLOSED]] * len(q)
+
+
+@pytest.mark.parametrize(("part", "said"), [(0.5, []), (100.0, [Cause.UNCLOSED])])
+def test_in_space_hinges_are_closed_to_rounding_of_the_angle_that_a_driver_asks_for(part, said):
+    """An engine in joint angles turned the rocker as far as the crank, and its ball was said to be open."""
+    scene = some(refkin.load(ROOT / "examples" / "rssr.toml"))
+    (motor,) = scene.mechanism.drivers
+    law = replace(motor.law, coefficients=(0.4 + 3200 * np.pi, 1.0))
+    mechanism = replace(scene.mechanism, drivers=(replace(motor, law=law),))
+    ref, motion = lost(replace(scene, mechanism=mechanism), Status.BRANCH_LOST)
+    q, half = motion.q.copy(), part * np.spacing(3200 * np.pi) / 2
+    q[-4:] = product(q[-4:].T, np.array([1.0, 0.0, 0.0, half])).T
+
+    assert [fault["kind"] for fault in Uncompared(ref, replace(motion, q=q)).unclosed()] == said
 
 
 @pytest.mark.parametrize("status", [Status.LOCKED, Status.BRANCH_LOST])
