@@ -185,8 +185,8 @@ class Propagation:
     def second_order(self, budget: ErrorBudget, terms: Sequence[Term], at: Any) -> ErrorBudget:
         """Return a budget with what is allowed at some times (count,) of bool beyond first order.
 
-        It is the even part, where it is a good part, of what a residual makes of all levels, solved for with either
-        sign: the most of those along the left singular vectors. Next to a singular pose that is the last one's.
+        It is what a residual makes of all levels, solved for with either sign, less what it makes of them to first
+        order: the most of those along the left singular vectors. Next to a singular pose that is the last one's.
         """
         here = np.flatnonzero(at[self.samples])
         q, t = self.levels[0][:, here], self.t[here]
@@ -195,14 +195,20 @@ class Propagation:
             left = left + (BOTH_SIDES if term.form else 1.0) * (term.absolute + term.relative * self.size[0][:, here])
         levels, places, system = budget.levels.copy(), self.samples[here], self.system.held_at(q)
         slope, first = system.phi_q(q, t), levels[..., places]
-        inverse, even = np.moveaxis(_inverse(slope), 0, -1), np.zeros_like(first)
+        inverse, more = np.moveaxis(_inverse(slope), 0, -1), np.zeros_like(first)
         middle = _solved(system, inverse, q, 0.0 * left, t)
-        for signs in _directions(system, slope):
+        directions = _directions(system, slope)
+        alike, moves = np.tile(q, len(directions)), np.einsum("nmt,kmt->nkt", inverse, directions * left)
+        moving = alike + 1j * STEP * moves.reshape(len(q), -1)  # of all at once
+        linear = np.imag(_rated(self.system.held_at(alike), moving, np.tile(t, len(directions)))) / STEP
+        linear = np.moveaxis(linear.reshape(3, *moves.shape), 2, 0)
+        for signs, moved in zip(directions, linear, strict=True):
             ends = np.array([_solved(system, inverse, q, sign * signs * left, t) for sign in (1.0, -1.0)])
             off = np.max(np.abs(ends[:, 0] - middle[0]), axis=(0, 1))
             near = off <= BOTH_SIDES * np.max(first[0], axis=0)  # of the same assembly
-            even = np.fmax(even, np.where(near, np.abs(np.mean(ends, axis=0) - middle), 0.0))
-        levels[..., places] += np.where(even > TENTH * first, even, 0.0)  # less is rounding
+            off = np.max(np.abs([ends[0] - middle - moved, ends[1] - middle + moved]), axis=0)
+            more = np.fmax(more, np.where(near, off, 0.0))
+        levels[..., places] += np.where(more > TENTH * self.both[..., here], more, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
 
     def _judged(self, dq: Any) -> Any:
@@ -326,6 +332,11 @@ def _solved(system: System, inverse: Any, q: Any, left: Any, t: Any) -> Any:
     """Return the levels (3, n, T) that leave so much (m, T) of the position's residual, with J^-1 (n, m, T) at q."""
     for _ in range(CORRECTIONS):
         q = q - times(inverse, system.phi(q, t) - left)
+    return _rated(system, q, t)
+
+
+def _rated(system: System, q: Any, t: Any) -> Any:
+    """Return the levels (3, n, T) of poses (n, T), their rates as the system's equations have them there."""
     qd = velocity(system, q, t)
     return np.array([q, qd, acceleration(system, q, qd, t)])
 

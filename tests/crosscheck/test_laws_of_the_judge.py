@@ -186,6 +186,17 @@ def test_a_square_counts_wherever_the_first_order_cancels(scene, part, beyond):
     assert compare(ref, leaving(ref, residual), [rule]).quantities["velocity"].agrees is not beyond
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("part", "beyond"), [(0.999, False), (1.1, True)])
+def test_what_a_rule_leaves_may_do_what_it_does_beyond_first_order_also_where_that_is_little(sign, part, beyond):
+    """By a hundredth of the position's, twice and three times that of the rates', it was beyond."""
+    ref = reference(SliderCrank(crank=1.0, rod=1.01).scene(law=TURN, times=(0.5 * math.pi,)))
+    last = np.linalg.svd(ref.system.phi_q(ref.levels[0], ref.motion.t)[..., 0])[0][:, -1:]
+    compared = compare(ref, leaving(ref, sign * part * 1e-4 * np.sign(last)), [replace(RULE, absolute=1e-4)])
+
+    assert [compared.quantities[quantity].agrees for quantity in QUANTITIES] == [not beyond] * 3
+
+
 def test_a_point_and_a_message_go_by_what_a_body_was_held_against():
     """A yoke was within what its square is allowed, and a point of it was not; what is beyond was said to be 1e4."""
     ref, residual = reference(YOKE), np.zeros((6, 2))
