@@ -44,8 +44,8 @@ from crosscheck.judge.rounding import (
     times,
 )
 from crosscheck.scenes.names import QUANTITIES
-from refkin.analysis import acceleration, velocity
 from refkin.motion import Motion, Status
+from refkin.newton import solve_linear
 from refkin.proof.numbers.bounded import Times
 from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
@@ -337,8 +337,9 @@ def _solved(system: System, inverse: Any, q: Any, left: Any, t: Any) -> Any:
 
 def _rated(system: System, q: Any, t: Any) -> Any:
     """Return the levels (3, n, T) of poses (n, T), their rates as the system's equations have them there."""
-    qd = velocity(system, q, t)
-    return np.array([q, qd, acceleration(system, q, qd, t)])
+    slope = system.phi_q(q, t)
+    qd = solve_linear(slope, system.nu(q, t))
+    return np.array([q, qd, solve_linear(slope, system.gamma(q, qd, t))])
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
