@@ -184,11 +184,11 @@ def march(system: System, q: Any, times: Sequence[float]) -> Any:
         Increasing [s].
     """
     poses = np.full((system.n, len(times)), np.nan)
-    poses[:, 0] = q
+    poses[:, 0], goes_on = q, bool(sigma_min(system.held_at(q).phi_q(q, times[0])) > SINGULAR)
     for k in range(1, len(times)):
-        poses[:, k], goes_on = _next(system.held_at(poses[:, k - 1]), poses[:, k - 1], times[k - 1], times[k])
         if not goes_on:
             break
+        poses[:, k], goes_on = _next(system.held_at(poses[:, k - 1]), poses[:, k - 1], times[k - 1], times[k])
     return poses
 
 

@@ -123,7 +123,7 @@ class System:
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
-        numbers = q.tolist() if (q := np.asarray(q)).ndim == 1 else q
+        given = q.tolist() if (q := np.asarray(q)).ndim == 1 else q
         if q.shape[:1] != (self.n,):
             raise InvalidRequest("q", f"{self.n} coordinates", f"shape {q.shape}")
         kind, width = self.kind, self.kind.width
@@ -131,7 +131,7 @@ class System:
         places |= {k: slice(k, k + 1) for k in range(self.of_bodies, self.n)}
         values: dict[int | None, Any] = {None: kind.values(*kind.still)}
         for k, at in places.items():
-            values[k] = (kind.values if k < self.of_bodies else ParameterValue)(*numbers[at])
+            values[k] = (kind.values if k < self.of_bodies else ParameterValue)(*given[at])
         if qd is not None:
             rates = qd.tolist() if (qd := np.asarray(qd)).ndim == 1 else qd
             values[None].moving(*(0.0,) * width)

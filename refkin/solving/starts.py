@@ -81,7 +81,7 @@ def find_start(system: System, scene: Scene) -> Start:
             own = None
         else:
             own = _beside(system, search, estimate, missing, t) if missing else _own(system, search, estimate, first, t)
-        if search.poses:
+        if search.poses or (missing and own is not None):  # of an estimate that is whole `_far` says how it leads on
             return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
         if search.unassemblable:
             return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))

@@ -159,3 +159,14 @@ def test_rates_that_are_not_given_are_not_reported():
 
     assert point_motion((1.0, 0.0), q).v is None
     assert point_motion((1.0, 0.0), q, q).a is None
+
+
+def test_a_sweep_that_begins_in_a_pose_without_an_inverse_says_singular():
+    """It ended in an error of the linear solve: two guides in one line hold a body nowhere along it."""
+    along = {"body_i": "ground", "point_i": (0, 0), "body_j": "b", "point_j": (0, 0), "axis_i": (1, 0)}
+    guides = tuple(refkin.PointOnLine(name=name, **along) for name in ("one", "again"))
+    driver = refkin.AngleDriver(name="d", body="b", law=refkin.Polynomial(coefficients=(0.1, 1.0)))
+    body = refkin.Body(name="b", estimate=(0.3, 0.0, 0.1))
+    motion = sweep(refkin.Scene(mechanism=refkin.Mechanism((body,), guides, (driver,)), times=(0.0, 0.5)))
+
+    assert [status.value for status in motion.status] == ["singular", "branch_lost"]

@@ -321,7 +321,7 @@ def test_what_closed_form_places_at_no_trial_angle_is_found_from_poses_that_no_j
     assert all(closes(system, q, 0.0) for q in result.poses)
 
 
-def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are():
+def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(monkeypatch):
     """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-points-planes-and-links.toml")
     first, *others = scene.mechanism.bodies
@@ -330,6 +330,9 @@ def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are():
 
     assert_near(motion.q[:, 0], refkin.solve(scene).q[:, 0], 1e-12, "q")
     assert motion.message == "no estimate for b1: that of the estimate, nearer than 1 others found"
+    nothing = search.Assemblies(searched=True)
+    monkeypatch.setattr("refkin.solving.starts.assemblies", lambda *_: nothing)  # nor is it lost where none is found
+    assert_near(refkin.solve(without).q[:, 0], motion.q[:, 0], 1e-12, "q")
 
 
 def test_a_search_ends_where_its_steps_do_and_says_that_there_may_be_more(monkeypatch):
