@@ -58,8 +58,9 @@ from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages.base import rough
 
-CONFIGURATIONS = 1
-"""Configurations per scene at which an engine's own rows are compared: a night sees more of them in another scene."""
+CONFIGURATIONS, WITH_ROWS = 1, 4
+"""Configurations per scene at which an engine's own rows are compared: a night sees more of them in another scene. Of
+scenes that it knows well, with the same joints and laws at other lengths, it compares them in one of so many."""
 TURNED_ROUND = 4
 """One scene in this many is solved once more with the bodies in another order, at the first of so many parts of its
 times."""
@@ -96,17 +97,18 @@ def check(
         Whether every position is also held against its enclosure at 113 bits: some milliseconds for each time.
     """
     start = time.perf_counter()
-    ref = reference(scene)
-    expected = str((about or {}).get("expected", Status.OK))
-    uses = frozenset({Use.COMPARE, Use.FEATURE} if (about or {}).get("of_features") else {Use.COMPARE})
-    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
+    ref, about = reference(scene), about or {}
+    uses = frozenset({Use.COMPARE, Use.FEATURE} if about.get("of_features") else {Use.COMPARE})
+    as_expected = ref.motion.verdict == str(about.get("expected", Status.OK))
+    known = bool(about.get("well_known"))
+    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, as_expected, uses, well_known=known)
     row = reference_row(ref, time.perf_counter() - start)
     sharp = sharpness_at_common(ref) if subject.drawn(SHARPNESS) else {}
     parts = [_part_of(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
         key=subject.key,
         scene=scene.name,
-        about={"dimension": scene.mechanism.kind.name, **(about or {})},
+        about={"dimension": scene.mechanism.kind.name, **about},
         reference=replace(row, excuse=subject.excuse, sharpness=sharp),
         answers=[answer for part in parts for answer in part.answers],
         levels=[level for part in parts for level in part.levels],
@@ -138,6 +140,7 @@ class _Subject:
     arbiter: bool
     as_expected: bool
     uses: frozenset[Use] = frozenset({Use.COMPARE})
+    well_known: bool = False
     excuse: tuple[float, float] | None = None
     poses: dict[tuple[float, float], tuple[float, float] | None] = field(default_factory=dict)
 
@@ -184,6 +187,11 @@ class _Subject:
         pose = self.poses[since, first]
         self.excuse = pose or self.excuse
         return pose is not None
+
+    @property
+    def rows_asked(self) -> bool:
+        """Whether engines' own rows are compared: they do not depend on how near a motion goes to a singular pose."""
+        return not self.well_known or self.drawn(WITH_ROWS)
 
     def drawn(self, every: int) -> bool:
         """Whether it is one of the scenes, one in so many, to which something more is done."""
@@ -232,7 +240,7 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     again = subject.arbiter or subject.drawn(TURNED_ROUND)
     with undisturbed():
         told = [_told(method, subject, again=again and method is best) for method in compared]
-        if hasattr(engine, "constraints"):
+        if hasattr(engine, "constraints") and subject.rows_asked:
             _check_levels(engine, subject, part)
     for method, answer in zip(compared, told, strict=True):
         _check_method(method, answer, subject, part)

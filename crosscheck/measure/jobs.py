@@ -28,7 +28,8 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     A job holds the data of a scene's file under `scene`, and perhaps `about`; or the seed of a night under `night` and
     the numbers of scenes under `shards`. Of those the one is drawn that adds most for its time: the pairs of its
     features were met least often, as `seen` (pair -> how often) has it: 1 counts one not met yet, 1/2 one met once. It
-    has fewer times (`shortened`) if that adds next to nothing, or if the job says so.
+    has fewer times (`shortened`) if that adds next to nothing, or if the job says so. Of one that is `well_known` every
+    two features were met often enough.
     """
     if "scene" in job:
         return parse(job["scene"]), dict(job.get("about", {}))
@@ -38,15 +39,12 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
     best = max(range(len(new)), key=lambda k: new[k] / COSTS.get(about[k]["kind"], 1.0))
     scene, known = scenes[best][0].scene, about[best]
-    if job.get("shortened", _adds_nothing(known, seen)):
+    well_known = min((seen.get(pair, 0) for pair in pairs_of(known)), default=0) >= WELL_KNOWN
+    known |= {"well_known": True} if well_known else {}
+    plain = known.get("hardness") == Hardness.REGULAR and not known["of_features"]
+    if job.get("shortened", well_known and plain):
         return shortened(scene), {**known, "shortened": True}
     return scene, known
-
-
-def _adds_nothing(about: Mapping[str, Any], seen: Mapping[str, int]) -> bool:
-    """Whether a scene keeps away from singular poses, and every two of its features were met often enough."""
-    least = min((seen.get(pair, 0) for pair in pairs_of(about)), default=0)
-    return about.get("hardness") == Hardness.REGULAR and not about["of_features"] and least >= WELL_KNOWN
 
 
 def by_itself(scene: Scene, *, features: bool = False, expected: Status = Status.OK) -> dict[str, Any]:

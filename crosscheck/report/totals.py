@@ -15,8 +15,8 @@ from crosscheck.scenes.names import CELL, cell_of, decade, features_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
-NOT_PROPERTIES = ("shard", "shortened")
-"""What the generator says about a scene to find it again, not to describe it."""
+NOT_PROPERTIES = ("shard", "shortened", "well_known")
+"""What is said about a scene to find it again, or how it was checked, not to describe it."""
 OTHERS = "others"
 
 

@@ -240,7 +240,7 @@ def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_
 
     assert scene.times == once.times[: len(scene.times)]
     assert 4 * len(scene.times) == len(once.times) == 72
-    assert about == {**told[plain], "shard": plain, "shortened": True}
+    assert about == {**told[plain], "shard": plain, "well_known": True, "shortened": True}
     assert jobs.scene_of(asked[near])[0] == draw(3, near).scene
     assert jobs.scene_of(job_of(3, replace(typed(record("a")), about=about)))[0] == scene
     assert drawn_again({(3, plain): key_of(scene), (3, near): key_of(scene)}) == [(3, plain)]
