@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,6 +50,8 @@ from tests.linkages import (
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
+
+CORPUS = Path(__file__).parents[1] / "corpus"
 
 PULLED = SliderCrank(crank=0.25, rod=0.5)
 
@@ -766,3 +769,13 @@ def test_beyond_an_open_table_of_a_rate_a_path_has_the_integral_of_its_last_piec
     law, h = continued(scene.mechanism).drivers[0].laws[0], 1e-4
 
     assert (law(t + h) - law(t - h)) / (2 * h) == pytest.approx(law(t, 1), rel=1e-6)
+
+
+def test_what_runs_away_from_a_step_is_not_waited_for_where_curves_might_cross(monkeypatch):
+    """Of a tree of 13 bodies a step took a second: Newton sought a crossing a thousand sizes away, 25 iterations."""
+    asked, bend = [], Curve.bend
+    monkeypatch.setattr(Curve, "bend", lambda *a: asked.append(a) or bend(*a))
+    path = refkin.follow(refkin.load(CORPUS / "features-branching-tree.toml"))
+
+    assert (path.end, path.t[-1]) == (TraceEnd.RANGE, 1.0)
+    assert 0 < len(asked) < 50

@@ -33,7 +33,7 @@ from flint import arb, ctx
 
 from refkin.differences import Scheme
 from refkin.differences import step as step_of
-from refkin.newton import NewtonResult, contracts, newton
+from refkin.newton import NewtonResult, RoundOff, contracts, newton
 from refkin.proof.assembly.search import radical_inverse
 from refkin.proof.numbers.bounded import InputError
 from refkin.proof.numbers.exact import exact_system
@@ -200,8 +200,11 @@ class Crossing:
         return tuple(self.null @ a for a in directions if all(abs(a @ b @ a) <= SATISFIED for b in self.others))
 
 
-def crossing(curve: Curve, guess: Any) -> Crossing | None:
-    """Return the singular point that Newton finds from a guess of x; None if it finds none."""
+def crossing(curve: Curve, guess: Any, reach: float = np.inf) -> Crossing | None:
+    """Return the singular point that Newton finds from a guess of x; None if it finds none.
+
+    Where its iterates leave the guess by more than `reach` it is not waited for: they come to no point nearby.
+    """
     rows = curve.rows(guess)
     n = len(rows)
     left, sizes, _ = np.linalg.svd(curve.slope(guess)[rows])
@@ -223,7 +226,12 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
         middle = np.hstack([second, first.T, np.zeros((n + 1, 1))])
         return np.vstack([top, middle, np.hstack([row, 2 * psi[None], [[0.0]]])])
 
-    result = newton(equations, slope, start, max_iterations=25)
+    settled = RoundOff()
+
+    def stop(residual: Any, correction: Any, y: Any) -> bool:
+        return bool(np.abs(y[: n + 1] - guess).max() > reach) or settled(residual, correction, y)
+
+    result = newton(equations, slope, start, stop=stop, max_iterations=25)
     if not result.converged or result.residual > 1e-10:
         return None
     x, psi = result.q[: n + 1], result.q[n + 1 : -1]

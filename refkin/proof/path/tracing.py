@@ -233,12 +233,13 @@ class Tracer:
         the chord it may lie, as a part of it. It is not the one that the step begins at.
         """
         chord = new - x
+        length = float(np.linalg.norm(chord))
         for part in (0.5, 0.1, 0.9):
-            branch_point = crossing(self.curve, x + part * chord)
+            branch_point = crossing(self.curve, x + part * chord, 2.0 * length)
             if branch_point is None or len(branch_point.forms) < least:
                 continue
             if branch_point.is_decided or (len(branch_point.forms) > 1 and branch_point.is_bifurcation):
-                way, length = branch_point.x - x, float(np.linalg.norm(chord))
+                way = branch_point.x - x
                 at = way @ chord / length**2
                 again = self.at_crossing and np.max(np.abs(way)) < math.sqrt(SAME) * length
                 if -0.01 <= at <= 1.01 and np.linalg.norm(way - at * chord) <= off * length and not again:
