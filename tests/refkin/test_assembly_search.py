@@ -321,6 +321,23 @@ def test_what_closed_form_places_at_no_trial_angle_is_found_from_poses_that_no_j
     assert all(closes(system, q, 0.0) for q in result.poses)
 
 
+def test_what_closes_only_at_angles_without_digits_is_no_assembly():
+    """Newton went to 4e15 rad, where a residual of 0.3 is rounding; without its turns the pose was called one."""
+    slot = refkin.PointOnLine(
+        name="slot", body_i="b", point_i=(-2.0, -2.0), axis_i=(0.0, 1.0), body_j="a", point_j=(-1.0, -1.0)
+    )
+    pins = (
+        pin("R1", "b", (-2.0, 2.0), "a", (-1.0, 3.0)),
+        pin("R2", "c", (-1.0, 1.0), "b", (-1.0, 1.0)),
+        pin("R3", "c", (-1.0, -1.0), "ground", (0.0, -1.0)),
+        pin("R4", "c", (-3.0, -1.0), "a", (-2.0, 0.0)),
+    )
+    system, actual = solved(Mechanism(bodies("a", "b", "c"), (slot, *pins)))
+
+    assert actual.poses
+    assert all(np.abs(system.phi(q, 0.0)).max() < ROUND_OFF for q in actual.poses)
+
+
 def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(monkeypatch):
     """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-points-planes-and-links.toml")

@@ -248,15 +248,28 @@ class Search:
 
     def _try_starts(self, starts: Iterable[Array], most_failures: int = MOST_FAILURES) -> None:
         for start in starts:
-            q = refined(self.system, start, self.t)
+            q = self._refined(start)
             self.started += 1
             self.failures = self.failures + 1 if q is None else 0
-            q = None if q is None else self._without_turns(q)
             if q is not None and self._is_new(q):
                 self.known.append(self._proved(q))
             if self.exhausted or self.failures >= most_failures:
                 self.failures = 0
                 return
+
+    def _refined(self, start: Array) -> Array | None:
+        """Return the assembly that Newton finds from a start, without whole turns; None if it finds none.
+
+        Angles of 1e15 rad have no digits: what seems to close there does not once they are turned back.
+        """
+        for _ in range(2):
+            q = refined(self.system, start, self.t)
+            if q is None:
+                return None
+            start = self._without_turns(q)
+            if closes(self.system, start, self.t):
+                return start
+        return None
 
     def _is_new(self, q: Array) -> bool:
         """Whether a pose is no known one, and its contacts lie where they are looked for, or the scene says where."""
