@@ -14,6 +14,7 @@ driver or of a gear. Where there is no loop at all there is one pose at each tim
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -99,7 +100,14 @@ def _beyond_digits(law: Law, t: Any, a: float, b: float) -> Any:
 
 
 def unseen(
-    system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: int = 1, between: Between | None = None
+    system: System,
+    t: Any,
+    q: Any,
+    parts: Blocks | None = None,
+    *,
+    loops: int = 1,
+    between: Between | None = None,
+    jumps: Sequence[int] = (),
 ) -> list[int]:
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
@@ -119,9 +127,12 @@ def unseen(
     between : callable, optional
         What finds poses between two by steps that pass every test: where their determinants say enough, those of the
         two need not.
+    jumps : sequence of int
+        Steps of which nothing is asked: over thousands of turns it would take a minute.
     """
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     steps = dips(system, t, q, parts, loops) if loops else np.zeros(len(t) - 1, bool)
+    steps[list(jumps)] = False
     for k in np.flatnonzero(steps) if between else ():
         steps[k] = not _seen_nearer(system, t[k : k + 2], q[:, k : k + 2], between)
     if len(laws) > 1:
@@ -129,7 +140,7 @@ def unseen(
     for cam in polar_cams(system.mechanism.joints):
         contact = q[system.parameter(cam.name).start].tolist()
         steps |= np.array([hides(cam.profile.law, *sorted(ends)) for ends in pairwise(contact)], bool)
-    return [int(k) for k in np.flatnonzero(steps)]
+    return [int(k) for k in np.flatnonzero(steps) if k not in jumps]
 
 
 def _seen_nearer(system: System, t: Any, q: Any, between: Any) -> bool:

@@ -140,6 +140,7 @@ class Sweep(Steps):
                 np.array(self.q).T,
                 self._blocks,
                 between=partial(pose_between, proving=False),
+                jumps=self.jumps,
             )
             steps = sorted({*self.uncertified, *steps})
         return [k for k in steps if k not in self.jumps]

@@ -239,6 +239,16 @@ def test_a_pose_many_turns_on_is_where_the_wheel_is_and_the_loops_come_back(turn
     assert pose is None or np.max(np.abs(pose - sweep.q[0] - turns * winding.closed)) < 1e-13
 
 
+def test_of_a_step_that_leaves_out_whole_turns_nothing_is_asked_between_its_ends(monkeypatch):
+    """The 1600 turns were gone through in parts, for ten seconds and more; what was found was then not looked at."""
+    asked, law = [], Sinusoid(amplitude=1e4, angular_frequency=1.0)
+    monkeypatch.setattr(passages, "_seen_nearer", lambda system, t, *_: asked.append(float(np.ptp(law(t)))) or True)
+    motion = refkin.solve(ROCKER.scene(law=law, times=(0.0, 1.0, 2.0)))
+
+    assert motion.verdict is Status.OK
+    assert max(asked, default=0.0) < math.tau
+
+
 @pytest.mark.parametrize(("off", "singular"), [(0.0, True), (1e-9, True), (1e-5, False), (0.5, False)])
 @pytest.mark.parametrize("known", [True, False])
 def test_whoever_sets_out_from_a_singular_pose_knows_it(off, singular, known):
