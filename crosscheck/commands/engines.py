@@ -15,6 +15,7 @@ from crosscheck.engines.loading import load as load_engine
 from crosscheck.errors import ENGINE_MISSING, PASS, CannotRun, UsageError, quoted
 from crosscheck.judge.records import QUANTITIES, Record, RefusalRow
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
+from crosscheck.report.wording import seeding
 from crosscheck.workers.pool import find_engines
 
 ENGINES = ",".join(PEERS)
@@ -93,7 +94,7 @@ def agreement_table(record: Record, width: int = WIDE) -> Table:
     rows = []
     for answer in record.answers:
         method = answer.method
-        cells = [answer.engine, method.name, method.newton_by, method.seeding]
+        cells = [answer.engine, method.name, method.newton_by, seeding(method.seeding)]
         for quantity in QUANTITIES:
             numbers_of = answer.quantities.get(quantity)
             counts = sum(map(Counter, numbers_of.digits_by_sigma.values()), Counter()) if numbers_of else Counter()
@@ -102,7 +103,7 @@ def agreement_table(record: Record, width: int = WIDE) -> Table:
             cells.append(f"{min(counts) / 10:.1f}{few}" if counts else "-")
             cells.append("-" if numbers_of is None or numbers_of.ratio is None else f"{numbers_of.ratio:.2g}")
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
-    heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no\nanswer")
+    heads = ("engine", "method", "Newton by", "given", *numbers, ">no\nanswer")
     if width < WIDE:
         pairs = [(name, 4 + 2 * k) for k, name in enumerate(QUANTITIES)]
         rows = [[*row[:2], name, *row[k : k + 2], row[-1]] for row in rows for name, k in pairs]

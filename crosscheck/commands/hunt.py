@@ -13,7 +13,16 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json, Whole, console, positive, shown_progress, table, writable_folder
+from crosscheck.commands.usage import (
+    Json,
+    Whole,
+    console,
+    positive,
+    print_in_parts,
+    shown_progress,
+    table,
+    writable_folder,
+)
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.known_gaps import BAD, HardOutcome, told, unexplained
@@ -204,7 +213,7 @@ def _print_table(rows: Sequence[dict[str, Any]]) -> None:
     counts = Counter((r["engine"], r["method"], r["verdict"]) for r in rows)
     shown += [None, *([f"all: {verdict}", "", *(counts[*name, verdict] for name in names)] for verdict in HardOutcome)]
     heads = ("case", "distance", *("\n".join(name) for name in names))
-    out.print(table(*heads, rows=shown, title=f"Hard cases: {asked}"))
+    print_in_parts(out, *heads, rows=shown, title=f"Hard cases: {asked}", first=2)
     by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}  # rows that share an explanation stand together
     for row in rows:
         if row["verdict"] in BAD:

@@ -18,7 +18,7 @@ from crosscheck.commands.engines import (
     refuse_own,
     rows_table,
 )
-from crosscheck.commands.usage import Json, console, positive, shown_progress, table
+from crosscheck.commands.usage import Json, console, fitted, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError, quoted
 from crosscheck.judge.known_gaps import told
 from crosscheck.measure.conform import LEVELS, LevelFault, Reply, hard_replies, replies, summary
@@ -72,7 +72,7 @@ def replay(
     reference = record.reference
     out.print(f"refkin: {reference.verdict} {reference.message}  smallest singular value {reference.sigma_min:.3g}")
     out.print(agreement_table(record, out.width))
-    out.print(arbiter_table(record))
+    out.print(fitted(arbiter_table(record), out.width))
     if record.levels:
         out.print(rows_table(record))
     for line in [*refusal_lines(record.refusals), *missing.values(), *pool.unexplained]:

@@ -143,6 +143,56 @@ def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None =
     return shown
 
 
+BAR_BETWEEN = 3
+"""Characters from one column of a table to the next; one more stands before the first."""
+
+
+def _needed(shown: Table, parts: Callable[[str], Sequence[str]]) -> list[int]:
+    """Return how wide each column of a table is for the longest of some parts of its cells."""
+    texts = ([str(cell) for cell in (column.header, *column.cells)] for column in shown.columns)
+    return [max(len(part) for text in column for part in parts(text) or [""]) for column in texts]
+
+
+def fitted(shown: Table, width: int) -> Table:
+    """Return a table that breaks no word, if its words have room in so many characters: Rich breaks some before."""
+    widths, lines = _needed(shown, str.split), _needed(shown, str.splitlines)
+    room = width - 1 - sum(n + BAR_BETWEEN for n in widths)
+    if room < 0:
+        return shown
+    for _ in range(min(room, sum(lines) - sum(widths))):
+        widths[max(range(len(widths)), key=lambda k: lines[k] - widths[k])] += 1
+    for column, own in zip(shown.columns, widths, strict=True):
+        column.width = own
+    return shown
+
+
+def print_in_parts(out: Console, *heads: str, rows: Sequence[Sequence[Any] | None], title: str, first: int) -> None:
+    """Print a table, as several if its words have no room beside each other.
+
+    Parameters
+    ----------
+    out : Console
+    *heads, rows, title
+        As for `table`.
+    first : int
+        So many columns say which row it is, and stand in every part.
+    """
+
+    def part(places: Sequence[int]) -> Table:
+        chosen = [row and [row[k] for k in places] for row in rows]
+        return table(*(heads[k] for k in places), rows=chosen, title=title)
+
+    parts = [list(range(first))]
+    for k in range(first, len(heads)):
+        wider = [*parts[-1], k]
+        needed = sum(n + BAR_BETWEEN for n in _needed(part(wider), str.split))
+        if len(wider) > first + 1 and needed >= out.width:
+            parts.append(wider := [*range(first), k])
+        parts[-1] = wider
+    for places in parts:
+        out.print(fitted(part(places), out.width))
+
+
 def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     """Print columns of numbers as a table, on a terminal as several that are no wider; return if there are any.
 

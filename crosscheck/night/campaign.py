@@ -36,6 +36,7 @@ from crosscheck.night.plan import (
     Journal,
     NightOutcome,
     NightPlan,
+    lacking,
     read_outcome,
     replace_file,
     write_outcome,
@@ -82,11 +83,11 @@ def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> Ni
     outcome = NightOutcome({name: version for name, (_, version) in engines.items()}, missing, gaps=list(gaps))
     outcome.engines = {name: spec for name, (spec, _) in engines.items()}
     names = {spec: name for name, spec in outcome.engines.items()}
-    alone = missing and set(engines) <= {ALWAYS, *SAMPLED}
-    outcome.required = list(missing) if alone else [names.get(spec, spec) for spec in plan.required]
-    absent = [f"{name} is required and missing: {missing[name]}" for name in outcome.required if name in missing]
+    alone = set(engines) <= {ALWAYS, *SAMPLED}
+    outcome.required = [names.get(spec, spec) for spec in plan.required]
+    absent = lacking(outcome.required, missing, alone=alone)
     if absent and _made(plan.out) is not None:
-        raise NotHere(f"{'; '.join(absent)}; the night in {plan.out} stays as it is")
+        raise NotHere(f"{absent}; the night in {plan.out} stays as it is")
     if not absent:
         with Journal(plan.out / "records.jsonl") as journal:
             _carry_out(plan, journal, outcome, progress)

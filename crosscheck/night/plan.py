@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -167,11 +167,11 @@ class NightOutcome(Strict):
     """How a night ended.
 
     `versions` has the engines that could be loaded, `engines` what `engines.loading.load` takes for each, `missing`
-    why the others could not; `required` are those without which the night could not run: the required ones, or all if
-    none could be loaded. `checked` counts scenes with a record, those of an earlier part of a resumed run included;
-    `failed` says what went wrong with the run itself, `new` are the disagreements that no known gap accounts for.
-    `gaps` are the known gaps that the night was held against, `possibly_closed` those that did not show in so many
-    scenes of their kind; `found_again` (if another table was used) are all of ours, and after how many scenes each was.
+    why the others could not; `required` are those without which it was not to run. `checked` counts scenes with a
+    record, those of an earlier part of a resumed run included; `failed` says what went wrong with the run itself, `new`
+    are the disagreements that no known gap accounts for. `gaps` are the known gaps that the night was held against,
+    `possibly_closed` those that did not show in so many scenes of their kind; `found_again` (if another table was used)
+    are all of ours, and after how many scenes each was.
     """
 
     versions: dict[str, str]
@@ -186,6 +186,24 @@ class NightOutcome(Strict):
     found_again: list[tuple[KnownGap, int | None]] = field(default_factory=list)
     gaps: list[KnownGap] = field(default_factory=list)
     engines: dict[str, str] = field(default_factory=dict)
+
+
+def lacking(required: Collection[str], missing: Mapping[str, str], *, alone: bool) -> str:
+    """Return for want of which engines a night does not run; "" if it does.
+
+    Parameters
+    ----------
+    required : collection of str
+        Those without which it is worth nothing.
+    missing : mapping
+        Engines that could not be loaded -> why.
+    alone : bool
+        Whether no engine but our own sources could be loaded.
+    """
+    absent = [f"{name} is required and missing: {missing[name]}" for name in required if name in missing]
+    if absent or not (alone and missing):
+        return "; ".join(absent)
+    return f"No engine that was asked for can be loaded: {'; '.join(missing.values())}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from typing import Any
 from crosscheck.judge.known_gaps import unexplained
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
-from crosscheck.night.plan import ALWAYS, GOLDEN, OUTCOME, SAMPLED, Golden, NightOutcome
+from crosscheck.night.plan import ALWAYS, GOLDEN, OUTCOME, SAMPLED, Golden, NightOutcome, lacking
 from crosscheck.report.alike import SameScenes
 from crosscheck.report.cells import Cell, MethodTotals, RecordLine
 from crosscheck.report.disagreements import Disagreements, Features
@@ -301,9 +301,9 @@ def verdict(
     failures, scenes : int
         Scenes without a result and other failures of the run; scenes with a record.
     """
-    absent = [name for name in required if name in missing]
+    absent = lacking(required, missing, alone=not (peers or scenes))
     if absent:
-        return ENGINE_MISSING, "; ".join(f"{name} is required and missing: {missing[name]}" for name in absent)
+        return ENGINE_MISSING, absent
     if new or hard:
         told = ["No known gap accounts for them. By engine: " + _by_engine(new)] if new else []
         told += ["No finding explains what is wrong, or ended, at hard cases: " + _by_engine(hard)] if hard else []

@@ -296,6 +296,14 @@ def test_a_required_engine_that_is_missing_is_the_verdict(tmp_path, required, mi
     assert "exudyn" in report["why"]
 
 
+def test_engines_that_nobody_required_are_not_called_so_where_none_can_be_loaded(tmp_path):
+    ended = outcome(versions={"closed_form": "1"}, missing={"exudyn": "engine 'exudyn' is not there"}, checked=0)
+    report = reported(tmp_path / "new", ended)
+
+    assert report["verdict"] == "engine missing"
+    assert report["why"] == "No engine that was asked for can be loaded: engine 'exudyn' is not there"
+
+
 def test_a_night_in_which_no_engine_answers_is_no_pass():
     asked = {"required": (), "missing": {}, "new": {}, "failures": 0, "scenes": 5, "peers": ("fake", "other")}
 

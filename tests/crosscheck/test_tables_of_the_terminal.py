@@ -153,6 +153,7 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
         ["14.0", "0.5", "14.0", "0.5", "14.0", "0.5", "0 of 4"],
         ["9.5", "0.25", "9.0 at 1 of 3", "-", "-", "-", "1 of 4"],
     ]
+    assert {row[3] for row in cells(engines.agreement_table(met))} == {"an estimate"}  # as the report says it
     narrow = cells(engines.agreement_table(met, 80))
     assert [row[1:] for row in narrow[-3:]] == [
         ["static newton", "position", "9.5", "0.25", "1 of 4"],
@@ -164,6 +165,31 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
         ["-"] * 5,
         ["3", "1", "0", "2", "1.2"],
     ]
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_a_table_of_hard_cases_breaks_no_word_and_loses_no_verdict(monkeypatch, width):
+    terminal = io.StringIO()
+    monkeypatch.setattr(hunt, "console", lambda _: Console(file=terminal, width=width))
+    methods = [("exudyn", f"static, setting {k}") for k in range(4)] + [("pinocchio", "undamped, constrained")] * 2
+    about = {"setting": "", "of": 87, "class": None, "note": "", "case": "dead centre", "distance": 1e-6}
+    hunt._print_table(
+        [{**about, "engine": e, "method": f"{m} {k}", "verdict": "correct"} for k, (e, m) in enumerate(methods)]
+    )
+    text = terminal.getvalue()
+
+    assert max(map(len, text.splitlines())) <= width
+    assert (text.count("exudyn"), text.count("undamped,"), text.count("correct") >= 6) == (4, 2, True)
+    assert (text.count("Hard cases") > 1) == (width < 100)
+
+
+def test_a_table_of_certificates_breaks_no_word_at_80_columns():
+    terminal = io.StringIO()
+    met = typed(record("a", answer("exudyn", {"position": quantity({0: [12.0]}, 0.25)})))
+    met = replace(met, answers=[replace(met.answers[0], engine="refkin-batch")])
+    Console(file=terminal, width=80).print(usage.fitted(engines.arbiter_table(met), 80))
+
+    assert all(word in terminal.getvalue() for word in ("refkin-batch", "undecidable"))
 
 
 def test_a_refusal_names_the_engine_and_a_gap_that_may_be_closed_says_which_it_is():
