@@ -3,17 +3,28 @@
 Nothing of one part is in the equations of another, whose matrix has blocks of zeros there: to eliminate in the one
 rounds nothing in the other. So an answer is held part by part where only a norm of many rows is known. Where rows are
 redundant they are solved by least squares, of all rows together: all of it is one part there.
+
+The chains of a part are what its joints connect without those that roll. Who works in the coordinates of joints
+composes a pose of the bodies before it in such a chain; what a wheel rolls on is found by a row, and has no turn of the
+wheel to round.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from refkin.joints import PointDistance, SpatialPointDistance, elements_of
+from refkin.joints import (
+    GearedTurns,
+    PointDistance,
+    RollingOnLine,
+    RollingWheels,
+    SpatialPointDistance,
+    elements_of,
+)
 from refkin.system import ConstraintRows, System
 
 
@@ -32,16 +43,30 @@ class Parts:
 
 def parts_of(system: System) -> Parts:
     """Return the parts of a system; one, if any of them has not as many rows as coordinates."""
+    parts = _connected(system, system.placed)
+    counts = [np.bincount(x, minlength=system.n) for x in (parts.rows, parts.coordinates)]
+    return parts if np.array_equal(counts[0], counts[1]) else Parts(0 * parts.rows, 0 * parts.coordinates)
+
+
+def chains_of(system: System) -> Parts:
+    """Return the chains of a system; rows of what rolls are of one of the chains that they are between."""
+    rolling = (RollingWheels, RollingOnLine, GearedTurns)
+    return _connected(
+        system, [p for p in system.placed if not all(isinstance(e, rolling) for e in elements_of([p.constraint]))]
+    )
+
+
+def _connected(system: System, by: Sequence[ConstraintRows]) -> Parts:
+    """Return the parts that some rows connect, with all rows."""
     first, rows = list(range(system.n)), np.zeros(system.m, int)
-    spans = [(p, _coordinates(system, p)) for p in system.placed]
-    for _, own in spans:  # numbers are few, and arrays of them slower
-        met = {first[k] for k in own}
+    for p in by:  # numbers are few, and arrays of them slower
+        met = {first[k] for k in _coordinates(system, p)}
         first = [min(met) if k in met else k for k in first]
-    known, coordinates = np.unique(first, return_inverse=True)
-    for p, own in spans:
+    coordinates = np.unique(first, return_inverse=True)[1]
+    for p in system.placed:
+        own = _coordinates(system, p)
         rows[p.row : p.row + p.constraint.rows] = coordinates[own[0]] if own else 0
-    counts = [np.bincount(x, minlength=len(known)) for x in (rows, coordinates)]
-    return Parts(rows, coordinates) if np.array_equal(counts[0], counts[1]) else Parts(0 * rows, 0 * coordinates)
+    return Parts(rows, coordinates)
 
 
 def links_of(system: System, parts: Parts) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.parts import Parts, by_part, links_of, parts_of
+from crosscheck.judge.parts import Parts, by_part, chains_of, links_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.joints.spatial_drivers import TurnDriver
 from refkin.motion_laws import Table
@@ -182,8 +182,8 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
 
     A pose at the end of a chain is a sum of arms of one size, one per body or massless link, each turned by an angle
     that is rounded, and of the angles of the others; so are its rates, of omega r, and of alpha r and omega^2 r, also
-    where the sum is small. All are of one part. In metres a pose is rounded relative to its distance from the scene's
-    origin, which is not ours.
+    where the sum is small. All are of one chain (`parts`): a motor rounds nothing of what its gears drive slowly. In
+    metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     t : (T,) array
         Times [s].
     """
-    place, metres = parts_of(system), np.abs(system.to_physical(q))
+    place, metres = chains_of(system), np.abs(system.to_physical(q))
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
@@ -204,7 +204,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
 
 
 def _driven(system: System, place: Parts, t: Any) -> Any:
-    """Return how far [rad] drivers turn joints of each part of space (n, T): no coordinate of a body tells.
+    """Return how far [rad] drivers turn joints of each chain of space (n, T): no coordinate of a body tells.
 
     Who works in the angles of joints has other joints turn as far, and rounds that.
     """
