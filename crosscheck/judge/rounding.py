@@ -181,9 +181,10 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
     A pose at the end of a chain is a sum of arms of one size, one per body or massless link, each turned by an angle
-    that is rounded, and of the angles of the others; so are its rates, of omega r, and of alpha r and omega^2 r, also
-    where the sum is small. All are of one chain (`parts`): a motor rounds nothing of what its gears drive slowly. In
-    metres a pose is rounded relative to its distance from the scene's origin, which is not ours.
+    that is rounded, and of the angles of the others; so are its rates, of omega r, and of alpha r and omega v, also
+    where the sum is small: v is large where a frame is far from its joints, and nothing is v squared. All are of one
+    chain (`parts`): a motor rounds nothing of what its gears drive slowly. In metres a pose is rounded relative to its
+    distance from the scene's origin, which is not ours.
 
     Parameters
     ----------
@@ -197,10 +198,12 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
-    turned, rate, bend = (by_part(largest, x, own, own) for x in (metres * system.angles[:, None], qd, qdd))
+    spread = lambda x: by_part(largest, x, own, own)  # noqa: E731
+    turned, rate, bend = spread(metres * system.angles[:, None]), spread(qd), spread(qdd)
+    bend = bend + spread(qd * (system.turns[:, None] != 0.0)) * rate
     arms = np.maximum(arms, np.maximum(turned, _driven(system, place, t)))
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
-    return roundings * np.maximum(arms, metres / size), roundings * arms * rate, roundings * arms * (bend + rate**2)
+    return roundings * np.maximum(arms, metres / size), roundings * arms * rate, roundings * arms * bend
 
 
 def _driven(system: System, place: Parts, t: Any) -> Any:

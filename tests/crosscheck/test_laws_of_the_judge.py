@@ -263,7 +263,25 @@ def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_o
 
     assert x[:, 0] / (6 * U) == pytest.approx(expected)
     assert v / (6 * U) == pytest.approx(9 * 7.0)
-    assert a / (6 * U) == pytest.approx(9 * (11.0 + 49.0))
+    assert a / (6 * U) == pytest.approx(9 * (11.0 + 2.0 * 7.0))  # the largest alpha or a, omega times the largest v
+
+
+def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_and_not_squared():
+    """With the crank's frame 16384 m off, the other bodies were allowed 40 times more than its arm explains."""
+    scene, far = LINKAGE.scene(times=(0.0, 0.3, 0.7)), 2.0**14
+    m = scene.mechanism
+    ends = {f"point_{x}": x for x in "ij"}
+    joints = [
+        replace(j, **{p: (getattr(j, p)[0] + far, 0.0) for p, x in ends.items() if getattr(j, f"body_{x}") == "crank"})
+        for j in m.joints
+    ]
+    turn = m.bodies[0].estimate[2]
+    x, y = (m.bodies[0].estimate[k] - far * (math.cos(turn), math.sin(turn))[k] for k in range(2))
+    bodies = (replace(m.bodies[0], estimate=(x, y, turn)), *m.bodies[1:])
+    moved = replace(scene, mechanism=replace(m, bodies=bodies, joints=tuple(joints)))
+    near, away = (reference(scene).budget().levels[2, 3:] for scene in (scene, moved))
+
+    assert np.all(away <= far * np.max(near, axis=0))
 
 
 def test_a_massless_link_is_an_arm_as_a_body_is():
