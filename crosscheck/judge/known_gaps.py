@@ -48,13 +48,21 @@ def ends_in_a_singular_pose(record: Record) -> bool:
     return record.about.get("expected") == "singular"
 
 
+def redundant_in_the_plane(record: Record) -> bool:
+    """Return whether the scene is one of the plane with more constraint rows than coordinates."""
+    redundant = record.reference is not None and record.reference.redundant
+    return redundant and record.about.get("dimension") == "planar"
+
+
 def anywhere(record: Record) -> bool:
     """Return True: the gap does not depend on the scene."""
     return True
 
 
 OF_STEPS = (step_beyond_newton, step_beyond_newton_in_space)
-PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (*OF_STEPS, ends_in_a_singular_pose, anywhere)}
+PREDICATES: dict[str, Predicate] = {
+    f.__name__: f for f in (*OF_STEPS, ends_in_a_singular_pose, redundant_in_the_plane, anywhere)
+}
 ENOUGH = 30
 """Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
 

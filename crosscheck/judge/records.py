@@ -181,7 +181,7 @@ class ReferenceRow(Strict):
     `sigma_per_step` is the smallest sigma_min of a step over what a coordinate changes by in it, `excuse` (time,
     sigma_min) a nearly singular pose that excused an engine for giving no answer. `sharpness` has of some scenes, by
     quantity, the largest component of what is allowed over that of the sensitivity to the input, and the smallest of
-    any component, at one time (`crosscheck.judge.samples`).
+    any component, at one time (`crosscheck.judge.samples`). `redundant` is a mechanism of more rows than coordinates.
     """
 
     verdict: str
@@ -191,6 +191,7 @@ class ReferenceRow(Strict):
     seconds: float
     message: str = ""
     sigma_per_step: float | None = None
+    redundant: bool = False
     excuse: tuple[float, float] | None = None
     sharpness: dict[str, tuple[float, float]] = field(default_factory=dict)
     certified_radius: dict[str, float | None] = field(default_factory=dict)

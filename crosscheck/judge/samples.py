@@ -55,6 +55,7 @@ def reference_row(ref: Reference, seconds: float) -> ReferenceRow:
         statuses={s.value: motion.status.count(s) for s in dict.fromkeys(motion.status)},
         sigma_min=smallest(ref.sigma_min),
         sigma_per_step=_sigma_per_step(ref),
+        redundant=ref.system.m > ref.system.n,
         residual=largest(motion.residual),
         certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
         common=ref.common,

@@ -71,6 +71,20 @@ def test_a_gap_is_looked_for_in_the_scenes_that_it_is_about_and_in_no_other(abou
     assert {name for name, predicate in PREDICATES.items() if predicate(record)} == expected
 
 
+@pytest.mark.parametrize(("dimension", "redundant"), [("planar", True), ("planar", False), ("spatial", True)])
+def test_redundant_rows_are_a_gap_in_the_plane_alone(dimension, redundant):
+    record = typed(planted("a scene"))
+    record = replace(
+        record,
+        about={"dimension": dimension},
+        reference=replace(record.reference, redundant=redundant, sigma_per_step=9.0),
+    )
+
+    assert ("redundant_in_the_plane" in {name for name, holds in PREDICATES.items() if holds(record)}) == (
+        redundant and dimension == "planar"
+    )
+
+
 def test_no_answer_on_the_way_to_the_other_assembly_is_as_well_known_in_the_plane_as_in_space():
     record = record_of("tests/corpus/exudyn-shipped-no-answer.toml", "exudyn")
 
