@@ -11,6 +11,7 @@ largest counts is of each part of the mechanism by itself (`parts`). What it doe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -198,7 +199,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
-    spread = lambda x: by_part(largest, x, own, own)  # noqa: E731
+    spread: Any = partial(by_part, largest, of=own, to=own)
     turned, rate, bend = spread(metres * system.angles[:, None]), spread(qd), spread(qdd)
     bend = bend + spread(qd * (system.turns[:, None] != 0.0)) * rate
     arms = np.maximum(arms, np.maximum(turned, _driven(system, place, t)))
