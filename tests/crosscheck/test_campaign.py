@@ -21,7 +21,7 @@ from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, l
 from crosscheck.measure import jobs
 from crosscheck.measure.check import key_of
 from crosscheck.night import campaign, disagreements, sections
-from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
+from crosscheck.night.campaign import ROUND, OtherRun, Turns, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.hunting import drawn_again
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
@@ -151,41 +151,6 @@ def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_
     assert (last, alive(pids_in(pids))) == (line, [])
     assert 3 <= len(kept) < 12
     assert (resumed.returncode, records_of(tmp_path)) == (0, undisturbed)
-
-
-class Doubles:
-    """Workers for whom every third scene is the one before it."""
-
-    engines: dict[str, str] = {"closed_form": "closed_form"}  # noqa: RUF012
-    hungry = True
-
-    def __init__(self) -> None:
-        self.waiting: list[Any] = []
-
-    @property
-    def pending(self) -> bool:
-        return bool(self.waiting)
-
-    def batch(self, scenes: int | None) -> int:
-        return 2
-
-    def submit(self, jobs: Any, engines: Any) -> None:
-        self.waiting += jobs
-
-    def results(self) -> Any:
-        job = self.waiting.pop(0)
-        (number,) = job["shards"]
-        scene = typed(record(str(number - (number % 3 == 1))))
-        yield replace(scene, about={"shard": number})
-
-
-def test_a_scene_that_is_drawn_twice_counts_once_and_one_more_is_drawn_for_it(tmp_path):
-    with Journal(tmp_path / "records.jsonl") as journal:
-        for met in _records(plan(tmp_path, scenes=5), Doubles(), Turns(journal), journal, lambda: None):  # type: ignore[arg-type]
-            journal.append(met)
-        shards = [met.about["shard"] for met in journal]
-
-    assert shards == [0, 2, 3, 5, 6]
 
 
 @pytest.mark.parametrize("order", [(3, 8), (8, 3)])
@@ -380,14 +345,6 @@ def test_the_digest_of_the_source_follows_its_content_and_not_where_it_is(tmp_pa
         digests.append(source.digest(tmp_path / folder))
 
     assert (digests[0] == digests[1]) is same
-
-
-def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monkeypatch):
-    run(plan(tmp_path, scenes=2))
-    monkeypatch.setattr(campaign, "draw", lambda night, number: draw(night + 1, number))
-
-    with pytest.raises(OtherRun, match="whose scenes are not drawn any more: choose another folder"):
-        run(plan(tmp_path, scenes=3))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from crosscheck.measure.jobs import CHECK, checkers
 from crosscheck.night.campaign import OtherRun, run, seed_of
 from crosscheck.night.plan import NightPlan
 from crosscheck.workers import cluster
-from crosscheck.workers.cluster import BATCH, ClusterWorkers, NoCluster
+from crosscheck.workers.cluster import ClusterWorkers, NoCluster
 from crosscheck.workers.pool import Pool
 
 from .fake_engines import SEGFAULT, crosscheck, drained, engine_file, jobs, key_of_drawn, settled
@@ -28,9 +28,8 @@ COUNT = 12
 SPECS = {"closed_form": "closed_form"}
 
 
-def local(engines=SPECS, versions=None) -> ClusterWorkers:
-    value = cluster.versions_here(tuple(engines.values())) if versions is None else versions
-    return ClusterWorkers(CHECK, "local", 2, engines, value)
+def local(engines=SPECS) -> ClusterWorkers:
+    return ClusterWorkers(CHECK, "local", 2, engines, cluster.versions_here(tuple(engines.values())))
 
 
 def digests(records: list[Any]) -> list[str]:
@@ -91,26 +90,6 @@ def test_batches_that_no_worker_has_begun_with_can_be_dropped(two_workers):
     records = list(drained(two_workers))
 
     assert len(records) < 40
-
-
-@pytest.mark.parametrize(("scenes", "size"), [(None, BATCH), (40, 10), (1, 1), (10**6, BATCH)])
-def test_every_worker_gets_a_batch(two_workers, scenes, size):
-    assert two_workers.batch(scenes) == size
-
-
-def test_a_worker_with_another_version_of_an_engine_is_refused():
-    with pytest.raises(
-        NoCluster, match=r"has \{'source code': '\w{16}', 'closed_form': .*\}, this machine \{'closed_form': '0'\}"
-    ):
-        local(versions={"closed_form": "0"})
-
-
-def test_a_worker_that_may_have_no_children_is_refused(monkeypatch):
-    import multiprocessing
-
-    monkeypatch.setattr(multiprocessing.current_process(), "_config", {"daemon": True})
-
-    assert "DASK_DISTRIBUTED__WORKER__DAEMON=False" in cluster.versions_here(())
 
 
 def test_a_scheduler_that_does_not_answer_is_no_cluster(monkeypatch):

@@ -137,29 +137,6 @@ def test_a_contact_is_looked_for_all_around():
         assert_near(contacts[6], s, 0.501 * last, "touched at")
 
 
-def test_a_profile_ends_where_its_table_does():
-    """A follower that leaves an open profile loses its branch there, and the joint is named."""
-    table = Table(argument=(-0.5, 0.4, 1.2, 2.0), value=(1.0, 1.1, 1.2, 1.1))
-    guide = Prismatic(name="guide", body_i=GROUND, point_i=PIVOT, axis_i=(0.0, 1.0), body_j="follower", point_j=ORIGIN)
-    ends: dict[str, Any] = {"body_i": "crank", "point_i": ORIGIN, "body_j": "follower", "point_j": ORIGIN}
-    touch = Cam(name="touch", **ends, profile=Polar(law=table), follower="point")
-    bodies = Body(name="crank", estimate=(*PIVOT, 0.0)), Body(name="follower", estimate=(PIVOT[0], PIVOT[1] + 1.2, 0.0))
-    back = turning(law=Polynomial(coefficients=(0.0, -1.0)))
-    motion = solve(Scene(mechanism=Mechanism(bodies, (pin("crank"), guide, touch), (back,)), times=TIMES))
-    end = 2.0 - math.pi / 2  # of the time at which s = 2
-    expected = [Status.OK if t < end else Status.BRANCH_LOST for t in TIMES]
-    assert list(motion.status) == expected, f"{motion.status}"
-    assert "touch" in motion.message, f"the joint is not named: {motion.message}"
-
-
-def test_periodic_tables_are_smooth_all_around():
-    """Value, slope and curvature of a periodic table go on from its last argument at its first."""
-    table = Table(argument=(0.2, 0.9, 1.3, 2.4), value=(1.0, 0.4, 1.7, 1.0), periodic=True)
-    for order in range(3):
-        last, first, again = (float(table(t, order)) for t in (2.4 - 1e-9, 0.2 + 1e-9, 2.4 + 1e-9))
-        assert max(abs(last - first), abs(again - first)) <= 1e-6, f"derivative {order}: {last}, {again}, {first}"
-
-
 def test_no_step_turns_an_angle_further_than_a_radian(monkeypatch):
     """A fast crank is followed in steps, however well its motion is predicted."""
     scene = slotted()

@@ -347,7 +347,8 @@ def test_a_worker_says_which_engines_it_has_or_why_it_is_of_no_use(monkeypatch):
     answers[1] = CRASH
     assert cluster.versions_here(("a.py", "b.py")) == CRASH.text
     monkeypatch.setattr("multiprocessing.current_process", lambda: SimpleNamespace(daemon=True))
-    assert str(cluster.versions_here(("a.py",))).startswith("is a daemon and may have no children")
+    hint = "start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
+    assert cluster.versions_here(("a.py",)) == f"is a daemon and may have no children: {hint}"
 
 
 def test_a_batch_is_done_by_one_child_of_the_worker_that_does_the_next_one_too(monkeypatch):
