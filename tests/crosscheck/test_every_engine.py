@@ -18,7 +18,6 @@ from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, ma
 from crosscheck.engines.loading import load
 from crosscheck.engines.mujoco.engine import TreeRows
 from crosscheck.engines.pinocchio.rows import Rows
-from crosscheck.engines.poses import Tabulated
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.engines.vector_loop import chains, system
@@ -309,13 +308,6 @@ FAULTS = {
         Rows, "drift", lambda right, *at: [*right(*at)[:-1], 0.0 * right(*at)[-1]]
     ),
     "pinocchio: sign of nu": around(TreeSystem, "nu", lambda right, *at: -right(*at)),
-    "pinocchio: driver rate forgotten": around(Tabulated, "__call__", law_without(1)),
-    "pinocchio: driver acceleration forgotten": around(Tabulated, "__call__", law_without(2)),
-    "pinocchio: a length off by 1e-9": around(
-        JointTree,
-        "scaled",
-        lambda right, tree, body, u: right(tree, body, (u[0] + LONG * (body == "coupler" and u[0] > 0), u[1])),
-    ),
     "pinocchio: other branch": around(
         JointTree, "start", lambda right, tree: right(CROSSED if "coupler" in tree.estimates else tree)
     ),

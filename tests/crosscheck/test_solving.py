@@ -10,66 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.documents import loops
-from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Mechanism
 from refkin.motion import Status, point_motion
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+from refkin.scenes.linkages import FourBar
 from refkin.solving.mobility import row_names
 from refkin.solving.solve import solve
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near
-from tests.linkages import LIMITED, ROCKER, system_of, with_law
+from tests.linkages import LIMITED, ROCKER, system_of
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7, 0.2))
 TIMES = (0.0, 0.35, 0.9)
 STEP = 1e-100
-
-
-def motions() -> list[tuple[Scene, vector_loop.LoopSystem, Any, Any]]:
-    """Return scenes of linkages, the same as loops, an estimate for these, and what of a motion they answer."""
-    slider, lever = SliderCrank(crank=1.0, rod=3.0, offset=0.4), InvertedSliderCrank(ground=3.0, crank=1.2, offset=0.25)
-    return [
-        (
-            ROCKER.scene(law=LAW, times=TIMES),
-            loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW),
-            [0.8, 1.9],
-            lambda m, level: [getattr(m[body], "phi" + level) for body in ("coupler", "rocker")],
-        ),
-        (
-            slider.scene(law=LAW, times=TIMES),
-            loops.slider_crank(1.0, 3.0, 0.4, LAW),
-            [0.0, 3.9],
-            lambda m, level: [getattr(m["connecting_rod"], "phi" + level), getattr(m["slider"], "x" + level)],
-        ),
-        (
-            lever.scene(law=LAW, times=TIMES),
-            loops.inverted_slider_crank(3.0, 1.2, 0.25, LAW),
-            [2.8, 2.0],
-            lambda m, level: [getattr(m["lever"], "phi" + level)],
-        ),
-    ]
-
-
-def test_motions_are_those_of_the_loops():
-    """Position, velocity and acceleration of linkages are those of their vector loops, which share nothing."""
-    for scene, system, start, read in motions():
-        motion, marched = solve(scene), vector_loop.march(system, TIMES, start)
-        assert motion.verdict is Status.OK, f"{scene.name}: {motion.verdict}"
-        for level, expected in (("", marched.q), ("d", marched.qd), ("dd", marched.qdd)):
-            result = np.array(read(motion, level))
-            expected = expected[: len(result)]
-            if level == "":
-                turns = np.round((result - expected) / math.tau) * (np.abs(result - expected) > 3.0)
-                result = result - math.tau * turns
-            # Condition numbers here are below 10, rates below 10.
-            assert_near(result, expected, 4096 * U, f"{scene.name} {level or 'position'}")
 
 
 def test_fixed_points_move_as_their_derivatives():
@@ -103,23 +61,6 @@ def test_a_coarse_sweep_stays_on_its_branch():
             expected = linkage.assemble(float(phi), branch)["rocker"][2]
             off = abs(math.remainder(motion["rocker"].phi[k] - expected, math.tau))
             assert off < allowed, f"{linkage} {branch}: the rocker is off by {off} at {phi}"
-
-
-def test_what_cannot_be_is_said():
-    """Beyond its limit a linkage is unassemblable, at it singular."""
-    limit = LIMITED.input_range()[0][1]
-    scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.1,)), times=(0.0,))
-
-    beyond = solve(with_law(scene, Polynomial(coefficients=(limit + 0.05,))))
-    assert beyond.verdict is Status.UNASSEMBLABLE, f"beyond the limit: {beyond.verdict}"
-    assert np.isnan(beyond.q).all(), "beyond the limit: a pose"
-    folded = FourBar(ground=3.0, crank=1.0, coupler=2.0, rocker=2.0).scene(
-        law=Polynomial(coefficients=(math.pi,)), times=(0.0,)
-    )
-    at_fold = solve(folded)
-    assert at_fold.verdict in (Status.SINGULAR, Status.UNASSEMBLABLE), f"at the fold: {at_fold.verdict}"
-    assert at_fold.qd is not None, "at the fold: a velocity"
-    assert np.isnan(at_fold.qd).all(), "at the fold: a velocity"
 
 
 def test_a_sweep_steps_down_and_stops():

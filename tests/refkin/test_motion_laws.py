@@ -129,12 +129,10 @@ def test_the_integral_of_a_periodic_table_grows_by_its_values_in_every_piece():
 
 
 def test_periodic_tables_go_on():
-    """A periodic table repeats itself, is smooth where it closes, and its integral grows by one period's each time."""
+    """A periodic table repeats itself, and its integral grows by one period's each time."""
     period = 3.0
     for order in range(3):
         assert_near(AROUND(1.3 + 2 * period, order), AROUND(1.3, order), 1e-12, f"order {order} two periods on")
-        ends = [AROUND(0.5 + sign * 1e-9, order) for sign in (-1, 1)]
-        assert_near(ends[0], ends[1], 1e-6, f"order {order} where it closes")
     once, twice = (AROUND.integral(k * period) for k in (1, 2))
     assert_near(twice, 2 * once, 1e-13, "integral over two periods")
     assert AROUND.domain() == (-math.inf, math.inf), "its domain has ends"
