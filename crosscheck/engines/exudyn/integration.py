@@ -33,7 +33,7 @@ class Integration:
     """A scene in exudyn's time integration; EngineRefusal if that cannot take it."""
 
     def __init__(self, scene: Scene, unit: Unit, start: Any) -> None:
-        _check(scene)
+        check_even(scene, "a time integration")
         self.times = scene.times
         bodies, constraints = scene.mechanism.bodies, scene.mechanism.constraints
         self.model = ExudynModel(bodies, constraints, unit, mass=1.0)
@@ -58,11 +58,6 @@ class Integration:
                 bear_redundant_rows(settings)
             model.mbs.SolveDynamic(settings, solverType=kind)
         return levels
-
-
-def _check(scene: Scene) -> None:
-    """Raise EngineRefusal if exudyn's time integration cannot take a scene."""
-    check_even(scene, "a time integration")
 
 
 def check_even(scene: Scene, who: str) -> None:
