@@ -54,13 +54,7 @@ class NotLoaded(CannotRun):
 
 
 def refuse_own(missing: Mapping[str, str]) -> None:
-    """Raise NotLoaded if an engine of a user's own is among those that cannot be loaded: others may not be installed.
-
-    Parameters
-    ----------
-    missing : mapping
-        What was asked -> why not (`find_engines`).
-    """
+    """Raise NotLoaded if `missing`, asked -> why not, has an engine of a user's own: others may not be installed."""
     if own := [reason for spec, reason in missing.items() if ":" in spec]:
         raise NotLoaded("\n".join(own))
 

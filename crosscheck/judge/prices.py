@@ -235,13 +235,8 @@ class Repeated:
 def repeated(first: Mapping[str, Cheapest], again: Mapping[str, Cheapest]) -> Repeated:
     """Compare the winners of two price lists, where the first tells a winner from the second best.
 
-    The same two stand in several cells: at several digits, and among the engines alone as among all. So they are
-    counted by pairs, too.
-
-    Parameters
-    ----------
-    first, again : mapping of str to Cheapest
-        The lists of all and of the engines alone, by the same names.
+    Either is of all and of the engines alone, by the same names. The same two stand in several cells: at several
+    digits, and among the engines alone as among all. So they are counted by pairs, too.
     """
     pairs: dict[tuple[Any, ...], list[str]] = {}
     cells = 0

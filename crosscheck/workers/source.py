@@ -30,13 +30,7 @@ def digest(root: Path = ROOT) -> str:
 
 
 def files_of(engines: Mapping[str, str]) -> dict[str, str]:
-    """Return the digest of the file of each engine that comes from one, `file.py:Class`: its version says less.
-
-    Parameters
-    ----------
-    engines : mapping
-        Name -> what `engines.loading.load` takes for it.
-    """
+    """Return the digest of each file that an engine is taken from, `file.py:Class`: its version says less."""
     files = {f"file of {name}": Path(spec.rpartition(":")[0]) for name, spec in engines.items()}
     found = {key: path for key, path in files.items() if path.suffix == ".py" and path.is_file()}
     return {key: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for key, path in found.items()}
