@@ -201,9 +201,13 @@ class Crossing:
 
 
 def crossing(curve: Curve, guess: Any, reach: float = np.inf) -> Crossing | None:
-    """Return the singular point that Newton finds from a guess of x; None if it finds none.
+    """Return the singular point that Newton finds from a guess; None if it finds none.
 
-    Where its iterates leave the guess by more than `reach` it is not waited for: they come to no point nearby.
+    Parameters
+    ----------
+    curve, guess : Curve, (n + 1,) array
+    reach : float
+        Iterates that leave the guess further are not waited for: they come to no point nearby.
     """
     rows = curve.rows(guess)
     n = len(rows)
