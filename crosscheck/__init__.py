@@ -34,14 +34,14 @@ def compare(scene: Any, engines: Sequence[str] | None = None, show: bool = True)
     from crosscheck.scenes.names import PEERS
     from refkin.errors import expect
     from refkin.joints.annotations import check as well_formed
-    from refkin.joints.annotations import is_real
+    from refkin.joints.annotations import is_flag
     from refkin.model import Scene
 
     expect("scene", scene, Scene)
     expect("engines", engines, list, tuple, type(None))
     for engine in engines or ():
         expect("engines", engine, str)
-    well_formed("show", "True or False", show, is_real(show))
+    well_formed("show", "True or False", show, is_flag(show))
     record = check(scene, PEERS if engines is None else engines)
     if show:
         out = console(140)

@@ -93,6 +93,11 @@ def is_real(value: Any, *shape: int) -> bool:
     return given is not None and given.shape == shape and not np.isnan(given).any()
 
 
+def is_flag(value: Any) -> bool:
+    """Whether a value is True or False: a number is neither."""
+    return isinstance(value, bool | np.bool_)
+
+
 def numbers(name: str, value: Any, expected: str, *shapes: tuple[int | None, ...]) -> Any:
     """Return real numbers, NaN among them, as float64; raise InvalidRequest if they are none, or of another shape.
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from refkin.joints.annotations import check, is_real
+from refkin.joints.annotations import check, is_flag, is_real
 from refkin.model import Scene
 from refkin.motion import Motion
 from refkin.output.tables import MissingPackage, Tabled
@@ -118,7 +118,7 @@ class SceneMotion(Motion, Tabled):
         """
         check("t", "a finite time [s]", t, t is None or (is_real(t) and np.isfinite(t)))
         for rate, shown in (("velocity", velocity), ("acceleration", acceleration)):
-            check(rate, "True or False", shown, is_real(shown))
+            check(rate, "True or False", shown, is_flag(shown))
         from refkin.output.drawing import RATES, Drawing
 
         drawing = Drawing(self.scene, self)

@@ -12,7 +12,7 @@ from refkin.analysis import ROUTE, acceleration, motion_of, sigma_min, slow_enou
 from refkin.differences import EPS
 from refkin.errors import expect
 from refkin.joints import polar_cams
-from refkin.joints.annotations import check, is_real
+from refkin.joints.annotations import check, is_flag
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import QUANTITIES, SINGULAR, Motion, Producer, Status, no_radius, nowhere
 from refkin.newton import is_round_off
@@ -65,7 +65,7 @@ def nearest(scene: Scene) -> SceneMotion:
 
 def _solved(scene: Scene, certified: bool, moved: bool = False) -> SceneMotion:
     expect("scene", scene, Scene)
-    check("certified", "True or False", certified, is_real(certified))
+    check("certified", "True or False", certified, is_flag(certified))
     check_size(scene)
     with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):
         answer = _answer(scene, certified)

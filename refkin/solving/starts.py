@@ -253,7 +253,7 @@ def _choice(
     why = f"no estimate for {', '.join(absent)}" if absent else doubt
     why = f"an estimate beyond all digits for {', '.join(far)}" if far and not absent else why
     if nearest == len(search.poses):
-        told = f"nearer than {others} others" if others else "the only one"
+        told = f"the nearest of {others + 1}" if others else "the only one"
         return poses[nearest], f"{why}: that of the estimate, {told} found"
     many = max(len(search.poses), others + 1)
     if many == 1 and search.complete and not missing:

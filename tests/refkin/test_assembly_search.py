@@ -346,7 +346,7 @@ def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(mon
     motion = refkin.solve(without)
 
     assert_near(motion.q[:, 0], refkin.solve(scene).q[:, 0], 1e-12, "q")
-    assert motion.message == "no estimate for b1: that of the estimate, nearer than 1 others found"
+    assert motion.message == "no estimate for b1: that of the estimate, the nearest of 2 found"
     nothing = search.Assemblies(searched=True)
     monkeypatch.setattr("refkin.solving.starts.assemblies", lambda *_: nothing)  # nor is it lost where none is found
     assert_near(refkin.solve(without).q[:, 0], motion.q[:, 0], 1e-12, "q")

@@ -119,7 +119,7 @@ ELSEWHERE = {
         "space/test_unseen_scenes.py: nothing_starts"
     ),
     "{}: that of the estimate, {} found": "test_messages.py: an_assembly_that_alone_was_found",
-    "nearer than {} others": "test_messages.py: an_assembly_that_alone_was_found",
+    "the nearest of {}": "test_messages.py: an_assembly_that_alone_was_found",
     "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",
     "{}: the bounds cover inverses of a Frobenius norm up to {} / sigma_min of all rows": (
         "test_hostile_scenes.py: too_many_to_certify"
@@ -182,7 +182,7 @@ def test_an_assembly_that_alone_was_found_is_not_said_to_be_nearer_than_itself()
     alone, among = (refkin.solve(given) for given in (scene("stretched"), peaucellier(0.3, 0)))
 
     assert says(alone, "that of the estimate, the only one found"), alone.message
-    assert says(among, "that of the estimate, nearer than {} others found"), among.message
+    assert says(among, "that of the estimate, the nearest of {} found"), among.message
 
 
 def test_a_step_that_is_never_certain_is_not_blamed_on_a_singular_pose(monkeypatch):

@@ -207,6 +207,7 @@ ASKED = {
         mechanism(), unit=refkin.Unit(1.0, None)
     ),
     "certified: expected True or False, got array([1., 2.])": lambda: refkin.solve(scene(), certified=ROW),
+    "certified: expected True or False, got 2": lambda: refkin.solve(scene(), certified=2),
     "damped: expected True or False, got array([1., 2.])": lambda: refkin.newton(abs, abs, 1.0, damped=ROW),
     "q0: expected a number or a row of numbers, got '1'": lambda: refkin.newton(abs, abs, "1"),
     "show: expected True or False, got array([1., 2.])": lambda: crosscheck.compare(scene(), [], show=ROW),
