@@ -247,7 +247,11 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     velocity, acceleration = rate_rows(system, q, qd, qdd, t)  # the rounding of the results is `output_rounding`
     own = parts_of(system)
     rate, bend = (by_part(largest, x, own.coordinates, own.coordinates) for x in (qd, qdd))
-    e = (e_phi + table_error(system, Times(t, 0), 0), velocity.error, acceleration.error)
+    e = _contradicted(
+        system,
+        (e_phi + table_error(system, Times(t, 0), 0), velocity.error, acceleration.error),
+        (system.phi(q, t), velocity.left, acceleration.left),
+    )
     still, steady = ((np.abs(rows.right) <= rows.error).all(axis=0) for rows in (velocity, acceleration))
     carry = carried(system, q, qd, qdd, t)
     return Propagation(
@@ -267,6 +271,19 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
         rests=np.array([np.zeros_like(still), still, still & steady]),
     )
+
+
+def _contradicted(system: System, e: tuple[Any, Any, Any], left: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+    """Return the errors of residuals with the most that redundant rows contradict each other by, where that is more.
+
+    The numbers of a scene far from its origin are that rough. The reference leaves it, `left`, in some of the rows; who
+    satisfies those leaves it in others.
+    """
+    if system.m == system.n:
+        return e
+    each = ((own, largest(x)) for own, x in zip(e, left, strict=True))
+    first, second, third = (own + np.where(most > largest(own), most, 0.0) for own, most in each)
+    return first, second, third
 
 
 def times_with(motion: Motion, status: Status) -> Any:

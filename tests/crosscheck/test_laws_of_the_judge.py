@@ -60,7 +60,7 @@ from refkin.motion_laws import Integral
 from refkin.proof.numbers.bounded import Times
 from refkin.proof.numbers.exact import exact
 from refkin.proof.pose.krawczyk import Verdict
-from refkin.scenes.linkages import RSSR
+from refkin.scenes.linkages import RSSR, Bennett
 from tests.crosscheck.exact_linkages import scotch_yoke
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
@@ -806,6 +806,27 @@ def test_least_squares_of_rows_that_weigh_otherwise_are_within_what_redundant_ro
 
     assert np.max(off) > 2.0
     assert np.max(off) < ref.propagation.weights
+
+
+def test_no_engine_is_blamed_for_redundant_rows_that_contradict_each_other_far_from_the_origin():
+    """A Bennett linkage 12 km away is one to 1e-13 sizes only: who satisfied other rows than ours was 6 times off."""
+    scene = Bennett(1.0, 0.7, 1.1).scene(samples=3)
+    m, by = scene.mechanism, (1e4, 3e3, -7e3)
+    ends = {"R1": "point_i", "R4": "point_j"}
+    on_ground = {
+        j.name: {end: tuple(np.add(getattr(j, end), by)) for end in [ends.get(j.name)] if end} for j in m.joints
+    }
+    joints = tuple(replace(j, **on_ground[j.name]) for j in m.joints)
+    bodies = tuple(replace(b, estimate=(*np.add(b.estimate[:3], by), *b.estimate[3:])) for b in m.bodies)
+    far = replace(scene, mechanism=replace(m, joints=joints, bodies=bodies))
+    record = check(far, ["closed_form", "exudyn", "pinocchio", "mujoco"])
+    least = {
+        a.engine: min(x.ratio for x in a.quantities.values()) for a in record.answers if a.method.name != "shipped"
+    }
+
+    assert [d for d in record.disagreements if d.method != "shipped"] == []
+    assert len(least) == 4
+    assert min(least.values()) > 1e-3
 
 
 def test_signs_of_euler_parameters_go_on_from_row_to_row_past_those_that_are_not_there():
