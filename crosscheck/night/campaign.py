@@ -18,11 +18,11 @@ from typing import Any
 from crosscheck.errors import ENGINE_MISSING, CannotRun, UsageError
 from crosscheck.judge import known_gaps
 from crosscheck.judge.delivery import Unanswered
-from crosscheck.judge.known_gaps import Tally
+from crosscheck.judge.known_gaps import KnownGap, Tally
 from crosscheck.judge.records import NewCase, Record
 from crosscheck.judge.rounding import SAFETY
 from crosscheck.measure.check import key_of
-from crosscheck.measure.jobs import CHECK
+from crosscheck.measure.jobs import CHECK, by_itself
 from crosscheck.night.disagreements import FOLDER, SCENE_FILE, write_disagreements
 from crosscheck.night.golden import compare_night
 from crosscheck.night.plan import (
@@ -46,9 +46,10 @@ from crosscheck.scenes.drawing import draw, is_chain, numbers_of, shortened, tur
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
-from crosscheck.workers.source import SOURCE, digest, files_of
+from crosscheck.workers.source import ROOT, SOURCE, digest, files_of
 from crosscheck.workers.timing import machine
-from refkin.scenes.files import to_dict
+from refkin.scenes.files import load, to_dict
+from refkin.solving.solve import solve
 
 ROUND = 140
 """Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that
@@ -112,6 +113,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
             journal.append(replace(record, run=run))
             outcome.checked = len(journal.keys)
         mute = _sort(journal, outcome)
+        outcome.possibly_closed = [row for row in outcome.possibly_closed if not still_shows(workers, row[0])]
         if plan.known_gaps:
             own = [gap for gap in known_gaps.read() if gap.engine in outcome.engines]
             outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
@@ -300,6 +302,16 @@ def _sort(journal: Journal, outcome: NightOutcome) -> Unanswered:
             outcome.failed.append(f"{record.key}: {record.failure}")
     outcome.possibly_closed = tally.possibly_closed()
     return mute
+
+
+def still_shows(workers: Pool, gap: KnownGap) -> bool:
+    """Return whether the scene of a known gap, if it is here, shows it now: a night may miss one that is rare."""
+    path = ROOT / gap.reproduction
+    if not path.is_file():
+        return False
+    scene = load(path)  # the verdict that it was made for is the one that it has
+    record = workers.check_one(by_itself(scene, features=True, expected=solve(scene).verdict), [gap.engine])
+    return any(gap.covers(record, disagreement) for disagreement in record.disagreements)
 
 
 def _answers_plain_ones(workers: Pool, engine: str) -> bool:

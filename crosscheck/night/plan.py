@@ -170,8 +170,8 @@ class NightOutcome(Strict):
     why the others could not; `required` are those without which it was not to run. `checked` counts scenes with a
     record, those of an earlier part of a resumed run included; `failed` says what went wrong with the run itself, `new`
     are the disagreements that no known gap accounts for. `gaps` are the known gaps that the night was held against,
-    `possibly_closed` those that did not show in so many scenes of their kind; `found_again` (if another table was used)
-    are all of ours, and after how many scenes each was.
+    `possibly_closed` those that did not show in so many scenes of their kind, nor in their own; `found_again` (if
+    another table was used) are all of ours, and after how many scenes each was.
     """
 
     versions: dict[str, str]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import refkin
 from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, InvalidGap, KnownGap, Tally, read, read_findings
 from crosscheck.judge.records import Cause, Disagreement, Record
+from crosscheck.measure import jobs
 from crosscheck.measure.check import check
+from crosscheck.night.campaign import still_shows
 
 from .report_records import WHO, answer, typed
 from .report_records import record as planted
@@ -226,3 +229,20 @@ def test_a_record_says_how_small_sigma_is_against_the_steps_beside_it():
         ratios.append(min(motion.sigma_min[k], motion.sigma_min[k + 1]) / max(change))
 
     assert check(scene, []).reference.sigma_per_step == pytest.approx(min(ratios), rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("gap", [gap for gap in GAPS if gap.predicate == "ends_in_a_singular_pose"])
+def test_a_gap_that_a_night_missed_is_not_possibly_closed_while_its_own_scene_shows_it(gap):
+    asked: list[tuple[str, ...]] = []
+
+    def check_one(job, engines):
+        asked.append(tuple(engines))
+        return jobs.check_job({**job, "engines": engines})
+
+    def right(job, engines):
+        return replace(check_one(job, engines), disagreements=[])
+
+    assert still_shows(SimpleNamespace(check_one=check_one), gap)
+    assert not still_shows(SimpleNamespace(check_one=right), gap)
+    assert not still_shows(SimpleNamespace(check_one=check_one), replace(gap, reproduction="nowhere.toml"))
+    assert asked == [(gap.engine,)] * 2
