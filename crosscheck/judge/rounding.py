@@ -10,6 +10,7 @@ largest counts is of each part of the mechanism by itself (`parts`). What it doe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -100,6 +101,23 @@ def solve_error(size: Any) -> Any:
     return len(size) * U * np.max(size, axis=0)
 
 
+def elimination(size: Any, of: Any, to: Any) -> Any:
+    """Return `solve_error` of each part, spread to some places; of a part that rests it is that of all together.
+
+    No row of it says how its zeros are found. LU leaves them zero; QR, or least squares, turns all rows at once, and
+    leaves in those of a bracket that is bolted down what it leaves in all.
+
+    Parameters
+    ----------
+    size : (m, T) array
+        What stands in the rows.
+    of, to : array of int
+        As for `by_part`.
+    """
+    own = by_part(solve_error, size, of, to)
+    return np.where(own == 0.0, solve_error(size), own)
+
+
 def table_error(system: System, clock: Times, order: int) -> Any:
     """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
 
@@ -182,10 +200,11 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
     A pose at the end of a chain is a sum of arms of one size, one per body or massless link, each turned by an angle
-    that is rounded, and of the angles of the others; so are its rates, of omega r, and of alpha r and omega v, also
-    where the sum is small: v is large where a frame is far from its joints, and nothing is v squared. All are of one
-    chain (`parts`): a motor rounds nothing of what its gears drive slowly. In metres a pose is rounded relative to its
-    distance from the scene's origin, which is not ours.
+    that is rounded, and of the angles of the others; where frames are far from their joints, of what leads there and
+    back. So are its rates, of omega r, and of alpha r and omega v, also where the sum is small: v is large where a
+    frame is far from its joints, and nothing is v squared. All are of one chain (`parts`): a motor rounds nothing of
+    what its gears drive slowly. In metres a pose is rounded relative to its distance from the scene's origin, which is
+    not ours.
 
     Parameters
     ----------
@@ -199,12 +218,22 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
+    away = np.bincount(own[: system.of_bodies], _away(system))[own][:, None] / system.kind.width
     spread: Any = partial(by_part, largest, of=own, to=own)
     turned, rate, bend = spread(metres * system.angles[:, None]), spread(qd), spread(qdd)
     bend = bend + spread(qd * (system.turns[:, None] != 0.0)) * rate
     arms = np.maximum(arms, np.maximum(turned, _driven(system, place, t)))
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
-    return roundings * np.maximum(arms, metres / size), roundings * arms * rate, roundings * arms * bend
+    placed = np.maximum(np.maximum(arms, away), metres / size)
+    return roundings * placed, roundings * arms * rate, roundings * arms * bend
+
+
+def _away(system: System) -> Any:
+    """Return how far each body's frame is from its nearest joint, in sizes, for each of its coordinates."""
+    points: dict[str, list[float]] = {body.name: [] for body in system.mechanism.bodies}
+    for body, point in (end for c in system.mechanism.constraints for end in c.points() if end[0] in points):
+        points[body].append(math.hypot(*point))
+    return np.repeat([min(own, default=0.0) for own in points.values()], system.kind.width) / system.unit.size
 
 
 def _driven(system: System, place: Parts, t: Any) -> Any:

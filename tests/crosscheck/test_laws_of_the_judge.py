@@ -266,22 +266,49 @@ def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_o
     assert a / (6 * U) == pytest.approx(9 * (11.0 + 2.0 * 7.0))  # the largest alpha or a, omega times the largest v
 
 
-def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_and_not_squared():
-    """With the crank's frame 16384 m off, the other bodies were allowed 40 times more than its arm explains."""
-    scene, far = LINKAGE.scene(times=(0.0, 0.3, 0.7)), 2.0**14
-    m = scene.mechanism
-    ends = {f"point_{x}": x for x in "ij"}
+FAR = 2.0**14
+
+
+def with_frame_off(scene, name):
+    """Return a scene with the frame of one of its bodies `FAR` behind it."""
+    m, ends = scene.mechanism, {f"point_{x}": x for x in "ij"}
     joints = [
-        replace(j, **{p: (getattr(j, p)[0] + far, 0.0) for p, x in ends.items() if getattr(j, f"body_{x}") == "crank"})
+        replace(j, **{p: (getattr(j, p)[0] + FAR, 0.0) for p, x in ends.items() if getattr(j, f"body_{x}") == name})
         for j in m.joints
     ]
-    turn = m.bodies[0].estimate[2]
-    x, y = (m.bodies[0].estimate[k] - far * (math.cos(turn), math.sin(turn))[k] for k in range(2))
-    bodies = (replace(m.bodies[0], estimate=(x, y, turn)), *m.bodies[1:])
-    moved = replace(scene, mechanism=replace(m, bodies=bodies, joints=tuple(joints)))
-    near, away = (reference(scene).budget().levels[2, 3:] for scene in (scene, moved))
+    bodies = [
+        replace(b, estimate=(b.estimate[0] - FAR * math.cos(phi), b.estimate[1] - FAR * math.sin(phi), phi))
+        if b.name == name
+        else b
+        for b in m.bodies
+        for phi in b.estimate[2:]
+    ]
+    return replace(scene, mechanism=replace(m, bodies=tuple(bodies), joints=tuple(joints)))
 
-    assert np.all(away <= far * np.max(near, axis=0))
+
+def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_and_not_squared():
+    """With the crank's frame 16384 m off, the other bodies were allowed 40 times more than its arm explains."""
+    scene = LINKAGE.scene(times=(0.0, 0.3, 0.7))
+    near, away = (reference(scene).budget().levels[2, 3:] for scene in (scene, with_frame_off(scene, "crank")))
+
+    assert np.all(away <= FAR * np.max(near, axis=0))
+
+
+def test_a_body_that_is_placed_by_another_whose_frame_is_far_off_is_rounded_there_and_back():
+    """Composed of rocker and coupler, the crank was off by 186 times what it was allowed; its rates were not."""
+    ref = reference(with_frame_off(LINKAGE.scene(times=(0.0, 0.3, 0.7, 1.1)), "coupler"))
+    crank, coupler, rocker = (ref.motion[name].q for name in ("crank", "coupler", "rocker"))
+    a, b = (joint for joint in ref.scene.mechanism.joints if "coupler" in (joint.body_i, joint.body_j))
+
+    def ahead(phi, point):
+        return np.array([np.cos(phi) * point[0], np.sin(phi) * point[0]])
+
+    placed = rocker[:2] + ahead(rocker[2], b.point_j) - ahead(coupler[2], b.point_i)
+    q = np.array(ref.motion.q)
+    q[:2] = placed + ahead(coupler[2], a.point_j) - ahead(crank[2], a.point_i)
+
+    assert np.max(np.abs(q[:2] - crank[:2])) > 1e3 * U
+    assert compare(ref, replace(ref.motion, q=q)).agrees
 
 
 def test_a_massless_link_is_an_arm_as_a_body_is():
