@@ -35,11 +35,11 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.judge.parts import by_part, parts_of
 from crosscheck.judge.rounding import (
+    elimination,
     largest,
     output_rounding,
     rate_rows,
     residual_error,
-    solve_error,
     table_error,
     times,
 )
@@ -162,7 +162,7 @@ class Propagation:
         """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
         k = int(np.flatnonzero(self.t == t)[0])
         slope, rows = np.abs(self.system.phi_q(self.levels[0][:, k], t)), parts_of(self.system).rows
-        solving = by_part(solve_error, self.size[order][:, k], rows, rows) if order else 0.0
+        solving = elimination(self.size[order][:, k], rows, rows) if order else 0.0
         return self.e[order][:, k] + np.sum(slope * self.rounding[order][..., k], axis=1) + solving
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
@@ -262,9 +262,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         count=len(motion.t),
         carried=carry,
         e=e,
-        solving=carry.of_norm(
-            *(by_part(solve_error, x.size, own.rows, own.coordinates) for x in (velocity, acceleration))
-        ),
+        solving=carry.of_norm(*(elimination(x.size, own.rows, own.coordinates) for x in (velocity, acceleration))),
         size=(e_phi, velocity.size, acceleration.size),
         rates=(np.zeros_like(rate), rate, bend + rate**2),
         rounding=output_rounding(system, q, qd, qdd, t),

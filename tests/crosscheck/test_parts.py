@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import Term
-from crosscheck.judge.comparison import QUANTITIES, reference
+from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.hard_poses import least_error
 from crosscheck.judge.parts import parts_of
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
-from refkin import AngleDriver, Body, FourBar, Gear, Mechanism, Polynomial, Revolute
+from refkin import AngleDriver, Body, Fixed, FourBar, Gear, Mechanism, Polynomial, Revolute
 from refkin.system import compile_system
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.space_scenes import rssr
@@ -70,6 +70,22 @@ def test_a_redundant_mechanism_is_one_part_and_a_joint_makes_two_parts_one():
     ]
 
     assert counts == [2, 1, 1]
+
+
+def test_a_bracket_may_have_the_rates_that_qr_of_all_rows_leaves_it():
+    """It was allowed 0, as LU leaves it: 1e-17 m/s of it was infinitely wrong."""
+    bolts = Fixed(name="bolts", body_i="ground", point_i=(9.0, 0.0), body_j="bracket", point_j=(0.0, 0.0), angle=0.3)
+    m, bracket = SLOW.mechanism, Body(name="bracket", estimate=(9.0, 0.0, 0.3))
+    ref = reference(replace(SLOW, mechanism=Mechanism((*m.bodies, bracket), (*m.joints, bolts), m.drivers)))
+    system, (q, qd, _), t = ref.system, ref.levels, ref.motion.t
+    factors = [np.linalg.qr(slope) for slope in np.moveaxis(system.phi_q(q, t), -1, 0)]
+    v, a = (
+        np.stack([np.linalg.solve(r, q.T @ of_time) for (q, r), of_time in zip(factors, right.T, strict=True)], axis=1)
+        for right in (system.nu(q, t), system.gamma(q, qd, t))
+    )
+
+    assert np.any(v[9:] != 0.0)
+    assert compare(ref, replace(ref.motion, qd=system.to_physical(v, 1), qdd=system.to_physical(a, 2))).agrees
 
 
 def by_a_motor(ratio):
