@@ -14,7 +14,17 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, MOST_LINES, names, outcome_lines
-from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
+from crosscheck.commands.usage import (
+    Json,
+    Whole,
+    coloured,
+    console,
+    positive,
+    shown_progress,
+    table,
+    writable,
+    writable_folder,
+)
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, CannotRun, UsageError
 from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
@@ -103,6 +113,9 @@ def nightly(
         refuse_other(history)
     gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
     refuse_others(out)
+    if history is not None:
+        writable_folder("history", history.parent)
+        writable("history", history)
     if sections_seconds is not None and not 0.0 <= sections_seconds < math.inf:
         raise UsageError(f"--sections-seconds: expected a number from 0 on, got {sections_seconds}")
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)

@@ -191,6 +191,9 @@ def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report_or_was_n
 
     assert [one.returncode for one in refused] == [4, 4]
     assert refused[0].stderr == f"{tmp_path / 'history.sqlite'}: file is not a database\n"
+    below = crosscheck(*night, "--history", tmp_path / "history.sqlite" / "h")  # was told when the night was over
+    where = f"expected a folder that can be written to, got {tmp_path / 'history.sqlite'}"
+    assert (below.returncode, below.stderr) == (2, f"--history: {where}\n")
     assert not (tmp_path / "run").exists()
 
     process = crosscheck(*night)
