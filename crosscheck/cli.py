@@ -5,6 +5,7 @@ A command is imported when it is called: solving a small scene does not wait for
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import traceback
@@ -67,6 +68,8 @@ PATHS = ("--out", "--night", "--history", "--baseline", "--csv")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
+    if not os.environ.get("COLUMNS", "80").strip("0"):
+        del os.environ["COLUMNS"]  # a terminal of no size says so, and nothing fits into it
     aside = Printable(_open(sys.stderr), BAR, aside=True)
     with redirect_stdout(Printable(_open(sys.stdout))), redirect_stderr(aside):
         code = _run(arguments)
@@ -81,13 +84,20 @@ def _lost(stream: TextIO | None) -> int:
         stream.flush()
     except OSError as error:
         keep_nothing(stream)
-        return UNREAD if isinstance(error, BrokenPipeError) else _ended(error, INFRASTRUCTURE)
+        return UNREAD if isinstance(error, BrokenPipeError) else _ended(_said(error), INFRASTRUCTURE)
     return 0
 
 
 def _open(stream: TextIO | None) -> TextIO:
-    """Return a stream; for one that was closed by the shell, one that keeps nothing, in its place among the files."""
-    return open(os.devnull, "w", encoding="utf-8") if stream is None else stream
+    """Return a stream; for one that was closed by the shell, one that keeps nothing, in its place among the files.
+
+    What its encoding cannot say is written out.
+    """
+    if stream is None:
+        return open(os.devnull, "w", encoding="utf-8")
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="backslashreplace")
+    return stream
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -107,10 +117,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         if not isinstance(error.__context__, BrokenPipeError):
             raise
         code = UNREAD  # rich says 1 of help that nobody reads
-    except OSError as error:  # no "[Errno 21]", which says nothing to who asked for it
-        file = error.filename2 or error.filename
-        about = f"{file}: {error.strerror}" if file and error.strerror else str(error)
-        code = _ended(about, INFRASTRUCTURE)
+    except OSError as error:
+        code = _ended(_said(error), INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _ended(error, getattr(error, "code", INTERRUPTED))
     except Exception as error:  # a fault of our own: said like any other, with the place to look at
@@ -126,6 +134,12 @@ def _refuse_no_path(given: Sequence[str]) -> None:
     for option in PATHS:
         if f"{option}=" in given or (option, "") in pairwise(given):
             raise UsageError(f"{option}: expected a path, got ''")
+
+
+def _said(error: OSError) -> str:
+    """Return what the system says, and of which file: no "[Errno 21]", which says nothing to who asked for it."""
+    file = error.filename2 or error.filename
+    return f"{file}: {error.strerror}" if file and error.strerror else error.strerror or str(error)
 
 
 def _ended(error: BaseException | str, code: int) -> int:

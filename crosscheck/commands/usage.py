@@ -231,16 +231,18 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
 
 def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """Return a table as text, as wide as it is: Rich would take longer than the solution."""
+    says_bars = (sys.stdout.encoding or "utf").lower().startswith("utf")
+    bars = ("┏┳┓━", "┃┃┃ ", "┡╇┩━", "│││ ", "└┴┘─") if says_bars else ("+++-", "||| ", "+++-", "||| ", "+++-")
     widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
 
-    def line(cells: Sequence[str], bars: str) -> str:
-        left, between, right, fill = tuple(bars)
+    def line(cells: Sequence[str], bar: str) -> str:
+        left, between, right, fill = tuple(bar)
         padded = (fill + cell.ljust(width, fill) + fill for cell, width in zip(cells, widths, strict=True))
         return left + between.join(padded) + right
 
     nothing = [""] * len(head)
-    above = [line(nothing, "┏┳┓━"), line(head, "┃┃┃ "), line(nothing, "┡╇┩━")]
-    return "\n".join([*above, *(line(cells, "│││ ") for cells in lines), line(nothing, "└┴┘─")])
+    above = [line(of, bar) for of, bar in zip((nothing, head, nothing), bars, strict=False)]
+    return "\n".join([*above, *(line(cells, bars[3]) for cells in lines), line(nothing, bars[4])])
 
 
 def keep_nothing(stream: TextIO) -> None:

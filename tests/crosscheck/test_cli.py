@@ -770,6 +770,28 @@ def test_two_laws_that_turn_back_1400_times_are_said_to_take_long():
     assert 5.0 < expected_seconds(both) < 30.0
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_what_an_encoding_cannot_say_is_written_out_and_bars_are_drawn_with_what_it_has(tmp_path, encoding):
+    """The command itself was said to have failed, and the answer was lost."""
+    path = tmp_path / "named.toml"
+    path.write_text(
+        re.sub('name = ".*"', 'name = "\u2192"', GOOD.read_text(encoding="utf-8"), count=1), encoding="utf-8"
+    )
+    asked = [("draw", path, "--out", tmp_path / "p.svg"), ("solve", path)]
+    drawn, solved = (crosscheck(*words, env={"PYTHONIOENCODING": encoding}) for words in asked)
+
+    assert (drawn.returncode, drawn.stderr, "\\u2192" in drawn.stdout) == (0, "", True)
+    assert (solved.returncode, solved.stderr, solved.stdout[:3]) == (0, "", "+--")
+
+
+def test_a_terminal_of_no_size_and_a_full_disk_are_no_fault_of_the_command():
+    assert crosscheck("--help", env={"COLUMNS": "0"}).returncode == 0
+    if Path("/dev/full").exists():
+        with open("/dev/full", "w", encoding="utf-8") as full:
+            told = subprocess.run(command_line("schema"), stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        assert (told.returncode, told.stderr) == (4, "No space left on device\n")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="of a shell's >&-")
 @pytest.mark.parametrize(
     ("closed", "words", "code", "left"),
