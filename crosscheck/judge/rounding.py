@@ -10,7 +10,6 @@ largest counts is of each part of the mechanism by itself (`parts`). What it doe
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -218,7 +217,7 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     own, links = place.coordinates, links_of(system, place)
     size = np.where(system.turns[:, None] == 0.0, system.unit.size, 1.0)
     arms = np.bincount(own[: system.of_bodies])[own][:, None] // system.kind.width + links[own][:, None]
-    away = np.bincount(own[: system.of_bodies], _away(system))[own][:, None] / system.kind.width
+    away = by_part(partial(np.sum, axis=0), _away(system), own[: system.of_bodies], own) / system.kind.width
     spread: Any = partial(by_part, largest, of=own, to=own)
     turned, rate, bend = spread(metres * system.angles[:, None]), spread(qd), spread(qdd)
     bend = bend + spread(qd * (system.turns[:, None] != 0.0)) * rate
@@ -229,11 +228,12 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
 
 
 def _away(system: System) -> Any:
-    """Return how far each body's frame is from its nearest joint, in sizes, for each of its coordinates."""
-    points: dict[str, list[float]] = {body.name: [] for body in system.mechanism.bodies}
+    """Return how far each body's frame is from its nearest joint, in sizes, for each of its coordinates (n, 1 or T)."""
+    points: dict[str, Any] = {body.name: [] for body in system.mechanism.bodies}
     for body, point in (end for c in system.mechanism.constraints for end in c.points() if end[0] in points):
-        points[body].append(math.hypot(*point))
-    return np.repeat([min(own, default=0.0) for own in points.values()], system.kind.width) / system.unit.size
+        points[body].append(np.linalg.norm(point, axis=0))
+    away = np.array([min(own, default=0.0) for own in points.values()])
+    return np.repeat(away[:, None] / system.unit.size, system.kind.width, axis=0)
 
 
 def _driven(system: System, place: Parts, t: Any) -> Any:
