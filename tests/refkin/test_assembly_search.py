@@ -370,3 +370,15 @@ def test_a_search_ends_where_its_steps_do_and_says_that_there_may_be_more(monkey
     assert actual.searched
     assert not actual.complete
     assert "may hold more" in actual.message
+
+
+def test_to_know_that_there_are_assemblies_one_that_is_proved_will_do():
+    """All were looked for, at up to four times of a branch that ends where others go on: 6 s each."""
+    m = driven(4.5)
+    system = compile_system(m, frozenset(), m.unit())
+    every, one = (assemblies(system, 0.0, trying=trying) for trying in (True, False))
+
+    assert len(every.poses) > len(one.poses) == 1
+    assert one.radii[0] < 1e-12
+    assert not one.complete
+    assert not one.unassemblable

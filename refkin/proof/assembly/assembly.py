@@ -44,6 +44,7 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
         other with all numbers spread by `SPREAD`.
     trying : bool
         Whether to look for assemblies also where none could be proved to be the only ones, nor that there are none.
+        If not, and rows are not redundant, one that is found proves that there are some: others are not looked for.
     """
     if system.kind is SPACE:
         return _in_space(system, t, trying)
@@ -63,7 +64,7 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
         if rows.foreign and not trying:
             return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
         why = "the outer joints of a dyad coincide, or its lines are parallel" if placement.stuck else ""
-        return Search(system, t, rows, why).run()
+        return Search(system, t, rows, why, all_wanted=trying or system.m > system.n).run()
 
 
 def _in_space(system: System, t: float, trying: bool) -> Assemblies:

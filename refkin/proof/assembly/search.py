@@ -142,10 +142,12 @@ class Search:
         Its constraints at that time, in balls (`read_rows`).
     why : str
         Why closed form does not.
+    all_wanted : bool
+        Whether all assemblies are looked for; else one will do that is proved to be there.
     """
 
-    def __init__(self, system: System, t: float, rows: AssemblyRows, why: str) -> None:
-        self.system, self.t, self.rows, self.why = system, t, rows, why
+    def __init__(self, system: System, t: float, rows: AssemblyRows, why: str, all_wanted: bool = True) -> None:
+        self.system, self.t, self.rows, self.why, self.all_wanted = system, t, rows, why, all_wanted
         self.names = [body.name for body in system.mechanism.bodies]
         self.turned, self.plan = self._trial_angles()
         self.known: list[_Known] = []
@@ -234,7 +236,8 @@ class Search:
     def exhausted(self) -> bool:
         """Whether looking on is in vain."""
         loose = sum(known.alone == 0.0 for known in self.known)
-        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE or self.spent
+        enough = not self.all_wanted and loose < len(self.known)
+        return enough or len(self.known) >= MOST_POSES or loose >= MOST_LOOSE or self.spent
 
     @property
     def spent(self) -> bool:
