@@ -210,6 +210,10 @@ class Winding:
         All coordinates that must come back: the loops', and those they depend on.
     tree : tuple of array
         Rows and columns of the constant blocks, which give their coordinates one value at each time.
+    closed : (n,) array, optional
+        By how much each coordinate changes in a turn of the angle, once it is known that the loops come back.
+    around : bool
+        Whether the sweep went through a whole turn, be it that loops came back or not.
     """
 
     system: System
@@ -218,6 +222,7 @@ class Winding:
     felt: Any
     tree: tuple[Any, Any]
     closed: Any = None
+    around: bool = False
 
     @classmethod
     def of(cls, system: System, q: Any, t: float) -> Winding | None:
@@ -283,6 +288,7 @@ class Winding:
             start = sweep.q[-1]
             if not sweep.steps_to(self.after(law, sweep.t[-1], target, 1.0 / abs(turns))):
                 return None
+            self.around = True
             if not self.closes(start, sweep.q[-1]):
                 return None
             turns -= np.sign(turns)
@@ -290,6 +296,13 @@ class Winding:
         t = self.after(law, sweep.t[-1], target, whole / turns)
         q = self.wound(sweep.q[-1], t, whole) if sweep.t[-1] < t < target else None
         return None if q is None else (q, t)
+
+    def left(self, sweep: Any, target: float) -> float:
+        """Return how far the angle has to turn yet to a time [rad]; 0 if it is not known to turn all around."""
+        if not self.around:
+            return 0.0
+        turned = (self.placed(sweep.q[-1], target) - sweep.q[-1]) * self.system.turns
+        return float(abs(turned[self.angle]))
 
     def after(self, law: Law, t: float, target: float, part: float) -> float:
         """Return when a law that does not turn back has made a part of its way from one time to another."""

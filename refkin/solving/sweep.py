@@ -24,7 +24,7 @@ from refkin.proof.numbers.extrema import LISTED, extrema
 from refkin.proof.path.branch import first_unproved
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.passages import OFTEN, Winding, over_a_range, turning_points, unseen
-from refkin.solving.steps import CLEAR, NOISE, Steps
+from refkin.solving.steps import CLEAR, FURTHEST, NOISE, Steps
 from refkin.system import EVERYTHING, System
 
 PART = 1 / 8
@@ -93,7 +93,8 @@ class Sweep(Steps):
         start = self.t[-1]
         turning, hidden = turning_points(self.system, start, target)
         if hidden:
-            self.why = f"t has no more digits: a law turns back at t = {hidden[0]:.17g}, next to a time asked for"
+            what = self._turning(hidden[0], start, target)
+            self.why = f"t has no more digits: {what} at t = {hidden[0]:.17g}, next to a time asked for"
             return Arrival.OUT_OF_STEPS
         often = OFTEN < len(turning) <= LISTED
         if often and not self.singular and (q := over_a_range(self, target)) is not None:
@@ -109,9 +110,15 @@ class Sweep(Steps):
                 return arrival
             if not self._is_alone():
                 self._take_back(len(self.t) - 1)
-                self.why = f"at t = {t:.17g}, where a law turns back, no pose of the branch is proved to be alone"
+                what = self._turning(t, start, target)
+                self.why = f"at t = {t:.17g}, where {what}, no pose of the branch is proved to be alone"
                 return Arrival.STOPPED
         return self._to(target)
+
+    def _turning(self, t: float, start: float, target: float) -> str:
+        """Return in words what makes a row turn back at one of `turning_points`."""
+        laws = [law for c in self.system.mechanism.constraints for law in c.laws]
+        return "a law turns back" if any(t in extrema(law, start, target) for law in laws) else "a distance is zero"
 
     def _set_out(self, target: float) -> None:
         q, t = self.q[0], self.t[0]
@@ -213,7 +220,16 @@ class Sweep(Steps):
             return Arrival.REACHED
         arrival = Arrival.STOPPED if self.singular else self._in_steps(target, min(MANY_STEPS, MOST_STEPS))
         if arrival is Arrival.OUT_OF_STEPS and MANY_STEPS < MOST_STEPS:
-            arrival = Arrival.REACHED if self._wind(target) else self._in_steps(target, MOST_STEPS - MANY_STEPS)
+            if self._wind(target):
+                return Arrival.REACHED
+            left = self._winding.left(self, target) if self._winding else 0.0
+            if left > FURTHEST * MOST_STEPS:
+                self.why = (
+                    f"gave up at t = {self.t[-1]:.17g}: a wheel turns by {left:.3g} rad to t = {target:.17g}, "
+                    f"more than in {MOST_STEPS} steps"
+                )
+                return arrival
+            arrival = self._in_steps(target, MOST_STEPS - MANY_STEPS)
         if arrival is Arrival.STOPPED and self._wind(target, stopped=True):
             return Arrival.REACHED
         if arrival is Arrival.STOPPED and self.proving and not self.hopeless(target):

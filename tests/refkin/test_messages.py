@@ -6,6 +6,7 @@ The sentences are read from the sources, so that a new one asks for its two scen
 from __future__ import annotations
 
 import ast
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,20 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Distance, FourBar, Mechanism, Polynomial, Scene, Sinusoid, XDriver, YDriver
+from refkin import (
+    AngleDriver,
+    Body,
+    Distance,
+    DistanceDriver,
+    FourBar,
+    Mechanism,
+    Polynomial,
+    Prismatic,
+    Scene,
+    Sinusoid,
+    XDriver,
+    YDriver,
+)
 from refkin.proof.assembly.search import Assemblies
 from tests.linkages import ROCKER, remade, with_law
 from tests.refkin.test_hostile_scenes import peaucellier
@@ -78,15 +92,19 @@ SAID = {
         scene("fast-table-pulse"),
         scene("fast-table-pulse", times=(0.0, 0.2)),
     ),
-    "at t = {}, where a law turns back, no pose of the branch is proved to be alone": (
+    "at t = {}, where {}, no pose of the branch is proved to be alone": (
         scene("limit-touched-1e-17"),
         moved("limit-touched-1e-17", Polynomial(coefficients=FLAT)),
+    ),
+    "gave up at t = {}: a wheel turns by {} rad to t = {}, more than in {} steps": (
+        ROCKER.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(-1e9, 1e9)),
+        ROCKER.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(-1e3, 1e6)),
     ),
     "t has no more digits at t = {}: by its last one a law moves by {} [sizes, rad]": (
         moved("time-resolution", FAST),
         moved("time-resolution", SLOW, times=(0.0, 3e-7, 6e-7)),
     ),
-    "t has no more digits: a law turns back at t = {}, next to a time asked for": (
+    "t has no more digits: {} at t = {}, next to a time asked for": (
         scene("pulse-in-the-last-digits"),
         scene("fast-table-pulse", times=(0.0, 0.2)),
     ),
@@ -207,6 +225,21 @@ def test_a_branch_that_is_not_proved_is_named_by_the_last_time_up_to_which_it_is
 
     assert says(motion, sentence)
     assert np.isnan(motion.q[0]).tolist() == [False, False, True]
+
+
+def test_a_distance_that_goes_through_zero_is_not_said_to_turn_back():
+    """Its row does, but the law goes on: that was said of both."""
+    rail = Prismatic(name="rail", body_i="ground", point_i=(0, 0), axis_i=(1, 0), body_j="b", point_j=(0, 0), angle=0.0)
+    law = Sinusoid(amplitude=0.8, angular_frequency=1.0, phase=math.pi / 2)
+    rod = DistanceDriver(name="rod", body_i="ground", point_i=(0, 0), body_j="b", point_j=(0, 0), law=law)
+    body = Body(name="b", estimate=(0.8, 0.0, 0.0))
+    given = Scene(mechanism=Mechanism((body,), (rail,), (rod,)), times=(0.0, 3.0))
+
+    assert says(refkin.solve(given), "where a distance is zero, no pose")
+    assert says(
+        refkin.solve(SAID["at t = {}, where {}, no pose of the branch is proved to be alone"][0]),
+        "where a law turns back, no pose",
+    )
 
 
 def far(*estimates):
