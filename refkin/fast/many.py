@@ -223,7 +223,7 @@ def _run(many: Many, made: Compiled, samples: slice, reducer: Callable[[Slice], 
             block.go_to(t)
         radii = block.radii(t)
         levels = [block.levels(order) if called else None for order, called in enumerate(_called_for(group.scene))]
-        if len(rows) < group.system.n:
+        if rows.tolist() != list(range(group.system.n)):
             levels = [None if level is None else level[rows] for level in levels]
         many.codes[samples, k] = block.codes
         if reducer is not None:

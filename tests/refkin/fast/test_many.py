@@ -34,6 +34,7 @@ from refkin.motion_laws import Integral
 from refkin.newton import CONTRACTION
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
+from tests.claims import assert_near
 from tests.linkages import beside_a_wheel, remade, without_estimates
 
 from .families import closed_form, errors, estimates, geometry, grashof, scene
@@ -316,6 +317,17 @@ def test_only_what_is_called_for_is_reported(effects, body, rows):
     assert np.max(np.abs(many.q - whole.q[rows])) < 1e-15
     assert (many.qd is not None) == (Effect.VELOCITY in effects)
     assert (many.qdd is not None) == (Effect.ACCELERATION in effects)
+
+
+def test_all_bodies_in_another_order_have_the_rows_of_their_names():
+    """They had those of the order of the scene, and were ok."""
+    names = ("rocker", "crank", "coupler")
+    many, alone = solve_many(scene(6, bodies_wanted=names), {}), refkin.solve(scene(6, bodies_wanted=names))
+
+    assert many.bodies == alone.bodies == names
+    assert many.ok.all()
+    for level, expected in zip((many.q, many.qd, many.qdd), alone.levels, strict=True):
+        assert_near(level[:, 0], expected, 1e-12, "rows")
 
 
 def test_groups_that_nobody_wants_are_not_computed():
