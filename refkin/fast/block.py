@@ -107,8 +107,9 @@ class Block:
         bodies = self.system.of_bodies
         off = np.max(np.abs(self.space.level(0)[:bodies] - estimate[:bodies]), axis=0)
         if corrections:
-            first, second = corrections[0], corrections[min(1, len(corrections) - 1)]
-            near = (off <= SMALL) | ((off <= NEARBY) & (NEAR * off * second <= first**2))
+            first, second = corrections[0], corrections[1] if len(corrections) > 1 else 0.0
+            contracts = (second <= CONTRACTION * first) & (NEAR * off * second <= first**2)
+            near = (off <= SMALL) | ((off <= NEARBY) & contracts)
             self.codes[late | ~near] = NEVER_FOUND
         for sign, row in zip(self.signs, self.made.marching.outputs.determinants, strict=True):
             sign[:] = np.sign(self.space.row(row))

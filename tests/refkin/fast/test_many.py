@@ -14,6 +14,7 @@ import pytest
 import refkin
 from refkin import (
     AngleDriver,
+    Body,
     Distance,
     DistanceDriver,
     Effect,
@@ -22,9 +23,11 @@ from refkin import (
     Polynomial,
     RefkinError,
     Revolute,
+    Scene,
     Sinusoid,
     Status,
     Table,
+    XDriver,
 )
 from refkin.errors import InvalidRequest, InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep
@@ -174,6 +177,26 @@ def test_an_estimate_between_two_assemblies_decides_nothing():
 
     assert many.status(4) == (Status.NOT_CONVERGED,) * 5
     assert many.ok[np.arange(10) != 4].all()
+
+
+def test_a_start_from_which_newton_first_goes_far_away_decides_nothing():
+    """From 0.002 rad, nearly between 0.1 and -0.1 rad, it went 2.5 rad away, came back to -0.1 rad, and was ok."""
+    pin = Revolute(name="O", body_i="ground", point_i=(0.0, 0.0), body_j="crank", point_j=(0.0, 0.0))
+    tip = XDriver(name="tip", body="crank", point=(1.0, 0.0), law=Polynomial(coefficients=(math.cos(0.1),)))
+    crank = Scene(mechanism=Mechanism((Body(name="crank"),), (pin,), (tip,)), times=(0.0,))
+    angles = np.array([*np.linspace(1e-4, 0.02, 200), 0.09])
+    many = solve_many(crank, {}, {"crank": (0.0, 0.0, angles)})
+
+    assert many.ok[:, 0].tolist() == [False] * 200 + [True]
+    assert many.q[2, -1, 0] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_bodies_off_at_the_angles_of_a_pose_start_there():
+    """Newton had nothing to correct but what follows from the angles: alone such a mechanism was not ok."""
+    given = scene(3)
+    poses = refkin.solve(given).q[:, 0].reshape(-1, 3) + np.array([0.1, 0.0, 0.0])
+
+    assert solve_many(given, {}, dict(zip(given.wanted, map(tuple, poses), strict=True))).ok.all()
 
 
 def test_bad_samples_do_not_slow_the_others():
