@@ -236,8 +236,9 @@ class Search:
     def exhausted(self) -> bool:
         """Whether looking on is in vain."""
         loose = sum(known.alone == 0.0 for known in self.known)
-        enough = not self.all_wanted and loose < len(self.known)
-        return enough or len(self.known) >= MOST_POSES or loose >= MOST_LOOSE or self.spent
+        if loose < len(self.known) and not self.all_wanted:
+            return True
+        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE or self.spent
 
     @property
     def spent(self) -> bool:
