@@ -37,6 +37,7 @@ from refkin.fast import attempt, sweep
 from refkin.fast.elimination import run
 from refkin.fast.prepare import prepared
 from refkin.fast.redundant import by_all_rows
+from refkin.proof.path import branch
 from refkin.scenes.linkages import RSSR
 from tests.linkages import remade, without_estimates
 
@@ -228,6 +229,17 @@ def test_redundant_rows_are_left_out_and_held_to_account():
     assert sweep(doubled).producer.name == FAST
     assert np.max(np.abs(sweep(doubled).q - sweep(scene).q)) < 1e-14
     assert sweep(broken).verdict is refkin.solve(broken).verdict is Status.UNASSEMBLABLE
+
+
+def test_a_proof_of_redundant_rows_is_given_up_where_the_reference_is_faster(monkeypatch):
+    """At a gimbal it took 33 s, and came to nothing; the reference takes half a second."""
+    most, made = [], branch.ConnectionProof
+    monkeypatch.setattr(branch, "ConnectionProof", lambda *given: most.append(given[1]) or made(*given))
+    crank = ROCKER.scene(samples=30)
+    again = replace(crank.mechanism.joints[0], name="again")
+
+    assert attempt(remade(bare(crank), joints=(*crank.mechanism.joints, again))) is not None
+    assert most == [branch.FEW_TUBES]
 
 
 def nearly_a_parallelogram(times):
