@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.parts import Parts, by_part, chains_of, links_of
+from crosscheck.judge.parts import Parts, by_part, chains_of, links_of, parts_of
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.joints.spatial_drivers import TurnDriver
 from refkin.motion_laws import Table
@@ -202,8 +202,9 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     that is rounded, and of the angles of the others; where frames are far from their joints, of what leads there and
     back. So are its rates, of omega r, and of alpha r and omega v, also where the sum is small: v is large where a
     frame is far from its joints, and nothing is v squared. All are of one chain (`parts`): a motor rounds nothing of
-    what its gears drive slowly. In metres a pose is rounded relative to its distance from the scene's origin, which is
-    not ours.
+    what its gears drive slowly; but omega, which is itself rounded, is also that of what a body rolls on, where both
+    have the velocity of their contact. In metres a pose is rounded relative to its distance from the scene's origin,
+    which is not ours.
 
     Parameters
     ----------
@@ -220,9 +221,11 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[
     away = by_part(partial(np.sum, axis=0), _away(system), own[: system.of_bodies], own) / system.kind.width
     spread: Any = partial(by_part, largest, of=own, to=own)
     turned, rate, bend = spread(metres * system.angles[:, None]), spread(qd), spread(qdd)
-    bend = bend + spread(qd * (system.turns[:, None] != 0.0)) * rate
     arms = np.maximum(arms, np.maximum(turned, _driven(system, place, t)))
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
+    part = parts_of(system).coordinates
+    omega = by_part(largest, qd * (system.turns[:, None] != 0.0), part, part)
+    bend = bend + (omega + roundings * arms * rate) * rate
     placed = np.maximum(np.maximum(arms, away), metres / size)
     return roundings * placed, roundings * arms * rate, roundings * arms * bend
 

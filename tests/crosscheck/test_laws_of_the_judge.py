@@ -311,6 +311,14 @@ def test_a_body_that_is_placed_by_another_whose_frame_is_far_off_is_rounded_ther
     assert compare(ref, replace(ref.motion, q=q)).agrees
 
 
+@pytest.mark.parametrize(("name", "least"), [("rack_and_pinion", 1e-16), ("spatial-displacement-driver", 1e-33)])
+def test_what_slides_evenly_is_allowed_what_turns_leave_that_are_rounded_or_those_of_its_wheel(name, least):
+    """It was allowed 0: who finds turns of 1e-17 rad/s, by QR, leaves 1e-34, and at a wheel's teeth 1e-16 omega v."""
+    rounding = reference(refkin.load(CORPUS.parents[1] / f"docs/scenes/{name}.toml")).propagation.rounding[2]
+
+    assert least < np.min(rounding) < 1e4 * least
+
+
 def test_a_massless_link_is_an_arm_as_a_body_is():
     """The end of a rod on a massless crank is a sum of both: Pinocchio's was off by 1.4 times what one arm may be."""
     mechanism = refkin.load(CORPUS / "massless-link-near-limit.toml").mechanism

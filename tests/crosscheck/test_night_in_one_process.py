@@ -144,6 +144,15 @@ def night(monkeypatch, tmp_path):
     return night
 
 
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_gap_whose_own_scene_shows_it_is_not_told_as_possibly_closed(night, monkeypatch, shown):
+    missed = [(known_gaps.read(GAP)[0], 40)]
+    monkeypatch.setattr(campaign.Tally, "possibly_closed", lambda tally: missed)
+    monkeypatch.setattr(campaign, "still_shows", lambda workers, gap: shown)
+
+    assert night()[0].possibly_closed == ([] if shown else missed)
+
+
 def test_a_night_counts_keeps_and_calls_new_what_its_records_hold(night, tmp_path):
     outcome, workers, said = night()
     records = [met for _, met in read_records(tmp_path / "out" / "records.jsonl")]
