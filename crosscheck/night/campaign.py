@@ -48,6 +48,7 @@ from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.pool import Job, Pool, Workers, find_engines
 from crosscheck.workers.source import ROOT, SOURCE, digest, files_of
 from crosscheck.workers.timing import machine
+from refkin.errors import RefkinError
 from refkin.scenes.files import load, to_dict
 from refkin.solving.solve import solve
 
@@ -306,11 +307,12 @@ def _sort(journal: Journal, outcome: NightOutcome) -> Unanswered:
 
 def still_shows(workers: Pool, gap: KnownGap) -> bool:
     """Return whether the scene of a known gap, if it is here, shows it now: a night may miss one that is rare."""
-    path = ROOT / gap.reproduction
-    if not path.is_file():
+    try:
+        scene = load(ROOT / gap.reproduction)
+        expected = solve(scene).verdict  # the one that it was made for
+    except RefkinError:  # a table of somebody's own may name what is no scene, or not there
         return False
-    scene = load(path)  # the verdict that it was made for is the one that it has
-    record = workers.check_one(by_itself(scene, features=True, expected=solve(scene).verdict), [gap.engine])
+    record = workers.check_one(by_itself(scene, features=True, expected=expected), [gap.engine])
     return any(gap.covers(record, disagreement) for disagreement in record.disagreements)
 
 

@@ -244,5 +244,6 @@ def test_a_gap_that_a_night_missed_is_not_possibly_closed_while_its_own_scene_sh
 
     assert still_shows(SimpleNamespace(check_one=check_one), gap)
     assert not still_shows(SimpleNamespace(check_one=right), gap)
-    assert not still_shows(SimpleNamespace(check_one=check_one), replace(gap, reproduction="nowhere.toml"))
+    for no_scene in ("nowhere.toml", "README.md"):
+        assert not still_shows(SimpleNamespace(check_one=check_one), replace(gap, reproduction=no_scene))
     assert asked == [(gap.engine,)] * 2
