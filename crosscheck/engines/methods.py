@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
+Copied = TypeVar("Copied", Scene, Motion)
 PRICED = ("refkin", "refkin-batch", "scipy", *PEERS)
 """Whose methods a price list has by default."""
 MODULES = {
@@ -312,12 +313,12 @@ def _listed(engine: str | Engine) -> list[Method]:
     return [replace(one, engine=loaded.name, adapter=loaded) for one in listed]
 
 
-def copied(scene: Scene) -> Scene:
-    """Return an equal scene, all of it anew."""
+def copied(one: Copied) -> Copied:
+    """Return an equal scene or motion, all of it anew."""
     try:
-        new: Scene = pickle.loads(pickle.dumps(scene, pickle.HIGHEST_PROTOCOL))
+        new: Copied = pickle.loads(pickle.dumps(one, pickle.HIGHEST_PROTOCOL))
     except (AttributeError, TypeError, pickle.PicklingError):  # a class of one's own that a function defines
-        return deepcopy(scene)  # takes five times as long
+        return deepcopy(one)  # takes five times as long
     return new
 
 

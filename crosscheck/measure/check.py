@@ -10,7 +10,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -308,12 +307,12 @@ def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
     try:
         start = time.perf_counter()
         motion, seconds = method.solve(subject.copy), time.perf_counter() - start
-        told = _Told(deepcopy(motion), seconds, again=again)
+        told = _Told(copied(motion), seconds, again=again)
         told.terms = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         return _Told(error)
     with suppress(EngineError):
-        told.turned_round = deepcopy(method.solve(copied(subject.turned_round))) if again else None
+        told.turned_round = copied(method.solve(copied(subject.turned_round))) if again else None
     return told
 
 

@@ -14,7 +14,6 @@ from crosscheck.judge.records import Cause, Record
 from crosscheck.measure.check import check, ended, key_of
 from crosscheck.scenes.drawing import COSTS, WELL_KNOWN, describe, draw, shortened
 from crosscheck.scenes.names import pairs_of
-from crosscheck.strategies.spans import Hardness
 from crosscheck.workers.pool import Parts, Work, Workers
 from crosscheck.workers.processes import Failure, FailureKind, preload
 from refkin.model import Scene
@@ -33,18 +32,17 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """
     if "scene" in job:
         return parse(job["scene"]), dict(job.get("about", {}))
-    scenes = [(draw(job["night"], number), number) for number in job["shards"]]
+    scenes = [draw(job["night"], number) for number in job["shards"]]
     seen = job.get("seen", {})
-    about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
+    about = [{**describe(drawn), "shard": number} for drawn, number in zip(scenes, job["shards"], strict=True)]
     new = [sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(one)) for one in about]
     best = max(range(len(new)), key=lambda k: new[k] / COSTS.get(about[k]["kind"], 1.0))
-    scene, known = scenes[best][0].scene, about[best]
+    known = about[best]
     well_known = min((seen.get(pair, 0) for pair in pairs_of(known)), default=0) >= WELL_KNOWN
     known |= {"well_known": True} if well_known else {}
-    plain = known.get("hardness") == Hardness.REGULAR and not known["of_features"]
-    if job.get("shortened", well_known and plain):
-        return shortened(scene), {**known, "shortened": True}
-    return scene, known
+    if job.get("shortened", well_known) and (part := shortened(scenes[best])) is not None:
+        return part, {**known, "shortened": True}
+    return scenes[best].scene, known
 
 
 def by_itself(scene: Scene, *, features: bool = False, expected: Status = Status.OK) -> dict[str, Any]:

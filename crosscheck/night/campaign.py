@@ -370,8 +370,9 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
         raise OtherRun(f"{plan.out} holds records of another run: {_instead(plan.out)}")
     numbers = sorted(turns.drawn)
     for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
-        (key, few), scene = turns.drawn[number], draw(plan.seed, number).scene
-        if key_of(shortened(scene) if few else scene) != key:
+        (key, few), drawn = turns.drawn[number], draw(plan.seed, number)
+        scene = shortened(drawn) if few else drawn.scene
+        if scene is None or key_of(scene) != key:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: {_instead(plan.out)}")
     return (before or {}).get("date")
 

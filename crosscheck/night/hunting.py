@@ -298,9 +298,10 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
 
 
 def drawn_again(starts: Mapping[Start, str]) -> list[Start]:
-    """Return those that are drawn as they were, at all times or the first part: another version draws other scenes."""
-    drawn = {start: draw(*start).scene for start in starts}
-    return [start for start, scene in drawn.items() if starts[start] in (key_of(scene), key_of(shortened(scene)))]
+    """Return those that are drawn as they were, at all times or a part: another version draws other scenes."""
+    drawn = {start: draw(*start) for start in starts}
+    ways = {start: (one.scene, shortened(one)) for start, one in drawn.items()}
+    return [start for start, scenes in ways.items() if starts[start] in (key_of(s) for s in scenes if s is not None)]
 
 
 def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:

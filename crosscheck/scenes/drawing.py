@@ -38,6 +38,7 @@ from crosscheck.strategies import (
     equal_linkages,
     spatial_scenes,
 )
+from crosscheck.strategies.spans import Hardness
 from refkin.joints import Driver
 from refkin.model import Point, Scene
 from refkin.motion import Status
@@ -68,8 +69,8 @@ WARM_UP = 210
 """The first turns of a night check whatever is drawn; then one of `CANDIDATES` scenes, which adds most for its time."""
 CANDIDATES = 2
 WELL_KNOWN, PART = 4, 4
-"""A scene that keeps away from singular poses, every two of whose features a night has met so often, is checked at the
-first of so many parts of its times: the night moves on to what it knows less of, or what is near a singular pose."""
+"""A scene every two of whose features a night has met so often is checked at one of so many parts of its times, of
+linkages the one that is nearest to a singular pose: the night moves on to what it knows less of."""
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind. The simplest ticket, 0, has no scene:
@@ -276,9 +277,17 @@ def _unevenly(drawn: Drawn) -> Drawn:
     return replace(drawn, scene=replace(drawn.scene, times=tuple(moved)))
 
 
-def shortened(scene: Scene) -> Scene:
-    """Return a scene at the first part of its times, which are as near to each other as before."""
-    return replace(scene, times=scene.times[: math.ceil(len(scene.times) / PART)])
+def shortened(drawn: AnyDrawn) -> Scene | None:
+    """Return a scene at a part of its times, as near to each other as before; None if no part will do.
+
+    A linkage, whose poses are known in closed form, begins at another of them: it is checked where it is nearest to a
+    singular pose. Of other scenes that keep away from such poses it is the first part.
+    """
+    scene, few = drawn.scene, math.ceil(len(drawn.scene.times) / PART)
+    if isinstance(drawn, Drawn):
+        return drawn.nearest(few)
+    plain = drawn.hardness == Hardness.REGULAR and not isinstance(drawn, Featured)
+    return replace(scene, times=scene.times[:few]) if plain else None
 
 
 def effort(scene: Scene) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,19 @@ class Drawn:
     def input(self, t: float) -> float:
         """Return the input of the linkage at a time."""
         return self.drive.back(float(self.law(t)))
+
+    def margin(self, t: float) -> float:
+        """Return the closure margin of the linkage at a time [m], 0 at a singular pose."""
+        return self.linkage.closure_margin(self.input(t), *self.pair)
+
+    def nearest(self, few: int) -> Scene:
+        """Return the scene at so many of its times, in a row, around the one that is nearest to a singular pose."""
+        times = self.scene.times
+        least = min(range(len(times)), key=lambda k: abs(self.margin(times[k])))
+        first = max(0, min(least - few // 2, len(times) - few))
+        bodies = _estimated(self.pose(times[first]), self.linkage, self.margin(times[first]))
+        mechanism = replace(self.scene.mechanism, bodies=bodies)
+        return replace(self.scene, mechanism=mechanism, times=times[first : first + few])
 
 
 def scenes(**bounds: Any) -> SearchStrategy[Scene]:
@@ -170,14 +183,17 @@ def scenes_of(
     variant = draw_variant(draw, linkage, own, pair)
     model = variant.apply(linkage, own)
     driver = drive.driver(model, pair, law, variant.turned(pair))
-    estimate = rough(model.pose, longest(linkage), linkage.closure_margin(value, *pair))
-    bodies = tuple(Body(name=name, estimate=q) for name, q in estimate.items())
+    bodies = _estimated(model.pose, linkage, linkage.closure_margin(value, *pair))
     scene = Scene(
         mechanism=Mechanism(bodies, model.joints, (driver,)),
         times=tuple(times),
         name=f"{kind} {branch}, {hard}, {driver.type} driver",
     )
     return Drawn(scene, kind, linkage, pair, branch, hard, span, drive, law, variant)
+
+
+def _estimated(pose: Pose, linkage: AnyLinkage, margin: float) -> tuple[Body, ...]:
+    return tuple(Body(name=name, estimate=q) for name, q in rough(pose, longest(linkage), margin).items())
 
 
 def _draw_drive(

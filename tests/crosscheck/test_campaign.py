@@ -194,16 +194,17 @@ def test_kinds_that_take_longer_are_kinds_that_are_drawn():
     assert {*COSTS} <= {*SPACE_KINDS, *CHAIN_KINDS, "five-bar with two drivers", "branching tree"}
 
 
-def test_a_scene_of_which_nothing_is_new_is_checked_at_the_first_quarter_of_its_times_and_drawn_so_again():
-    """And one that goes near a singular pose never: there a night looks longest."""
+def test_a_scene_of_which_nothing_is_new_is_checked_at_a_quarter_of_its_times_and_drawn_so_again():
+    """And one that is made to end in a singular pose, or in none, never."""
     told = {k: describe(draw(3, k)) for k in range(40)}
-    plain, near = (next(k for k in told if told[k]["hardness"] == name) for name in ("regular", "limit"))
+    plain = next(k for k in told if told[k]["hardness"] == "regular")
+    near = next(k for k in told if told[k]["expected"] != "ok")
     seen = dict.fromkeys([pair for about in told.values() for pair in pairs_of(about)], WELL_KNOWN)
     asked = {k: {"night": 3, "shards": (k,), "seen": seen} for k in (plain, near)}
     scene, about = jobs.scene_of(asked[plain])
     once, _ = jobs.scene_of({**asked[plain], "seen": {**seen, pairs_of(told[plain])[0]: WELL_KNOWN - 1}})
 
-    assert scene.times == once.times[: len(scene.times)]
+    assert {*scene.times} < {*once.times}
     assert 4 * len(scene.times) == len(once.times) == 72
     assert about == {**told[plain], "shard": plain, "well_known": True, "shortened": True}
     assert jobs.scene_of(asked[near])[0] == draw(3, near).scene

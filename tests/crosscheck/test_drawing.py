@@ -8,14 +8,16 @@ import sys
 from collections import Counter
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from crosscheck.measure.check import key_of
 from crosscheck.scenes import drawing
-from crosscheck.scenes.drawing import OutOfTime, draw, effort, seed_of_scene, shrink
+from crosscheck.scenes.drawing import OutOfTime, draw, effort, seed_of_scene, shortened, shrink
 from crosscheck.strategies import Chain, Drawn, Ended, Hardness
 from crosscheck.strategies.linkages import longest
 from refkin.motion import Status
+from refkin.solving.solve import solve
 
 DRAW = """
 import sys
@@ -159,3 +161,18 @@ def test_a_failing_chain_becomes_a_simple_one_of_its_kind():
 
     assert is_cam(result)
     assert effort(result.scene) < effort(draw(3, number).scene)
+
+
+def test_the_quarter_of_a_linkages_times_is_the_one_that_is_nearest_to_a_singular_pose_in_the_same_assembly():
+    drawn = [one for one in (draw(3, k) for k in range(40)) if isinstance(one, Drawn)]
+    for one in drawn:
+        part, times = shortened(one), one.scene.times
+        first = times.index(part.times[0])
+        whole, few = solve(one.scene), solve(part)
+
+        assert part.times == times[first : first + len(times) // 4]
+        assert min(abs(one.margin(t)) for t in part.times) == min(abs(one.margin(t)) for t in times)
+        assert few.status == whole.status[first : first + len(part.times)]
+        gap = (few.q - whole.q[:, first : first + len(part.times)]) / one.scene.mechanism.size()
+        assert np.abs(gap.reshape(-1, 3, len(part.times))[:, :2]).max() < 1e-6
+    assert {one.scene.times.index(shortened(one).times[0]) for one in drawn} > {54}
