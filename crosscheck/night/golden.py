@@ -209,7 +209,7 @@ def read(path: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
-        why = f"it lacks {error}" if isinstance(error, KeyError) else error
+        why = f"it lacks {error}" if isinstance(error, KeyError) else getattr(error, "strerror", None) or error
         raise NoBaseline(f"{path} is no baseline: {why}") from error
     return dict(baseline)
 

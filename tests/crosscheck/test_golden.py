@@ -150,7 +150,7 @@ def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, tex
 
 
 def test_a_folder_is_no_baseline(tmp_path: Path) -> None:
-    with pytest.raises(NoBaseline, match=r"is no baseline: .*Is a directory"):
+    with pytest.raises(NoBaseline, match="is no baseline: Is a directory"):
         golden.read(tmp_path)
 
 
