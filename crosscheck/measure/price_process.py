@@ -18,6 +18,7 @@ import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import Method, Model, Use, floats, methods
+from crosscheck.engines.undisturbed import quiet
 from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.prices import CONTENDS, STEPS, SUFFIX, settings
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
@@ -110,6 +111,7 @@ def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
     return scene, CertifiedTruth(scene)
 
 
+@quiet()
 def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], within: float, pipe: Any) -> None:
     """Send what is found through a pipe.
 

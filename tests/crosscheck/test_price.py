@@ -493,6 +493,7 @@ class Clock:
             return Model(partial(solve, scene), list)
 
         def solve(scene, order):
+            np.square([1e200])  # an integrator that runs away overflows, of which nobody is to be warned
             self.sent.append(("asked", ("made up", name, setting)))
             self.now += (call + pose * len(scene.times)) * (order + 1)
             return price_fakes._moved(off if len(scene.times) <= most else math.nan, scene, order)
