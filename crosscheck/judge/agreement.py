@@ -15,7 +15,7 @@ from crosscheck.judge.delivery import misshapen, undelivered
 from crosscheck.judge.points import points_off
 from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.spatial import alike, passive_lines
-from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
+from crosscheck.judge.uncompared import believed, opened_beside, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError, expect
 from refkin.joints.annotations import check, is_real
@@ -66,7 +66,7 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     compared = compare(ref, answer, terms if residual else ())
     faults = list(_faults(ref, answer, compared, terms if residual else ()))
     if answer is motion:  # what was left out of a part is the reference's own
-        faults += map(_said, _owed(ref, scene, answer, terms if residual else ()))
+        faults += map(_said, _owed(ref, scene, answer, terms if residual else (), compared))
     if faults:
         raise AssertionError(f"{scene.name}: " + "\n".join(faults))
     proved = {Status.UNASSEMBLABLE, Status.LOCKED} >= set(ref.motion.status)
@@ -133,11 +133,12 @@ def _faults(ref: Reference, motion: Motion, compared: Comparison, terms: Any) ->
     yield from map(_said, (*believed(ref, motion), *points_off(ref, motion, QUANTITIES, terms, compared)))
 
 
-def _owed(ref: Reference, scene: Scene, motion: Motion, terms: Any) -> Iterator[dict[str, Any]]:
+def _owed(ref: Reference, scene: Scene, motion: Motion, terms: Any, compared: Comparison) -> Iterator[dict[str, Any]]:
     """Yield what a whole answer lacks, and what of it is wrong by itself, as disagreements."""
     yield from undelivered(QUANTITIES, scene, motion)
     yield from put_together_wrongly(scene, motion)[0]
     yield from uncompared_faults(ref, motion, terms)
+    yield from opened_beside(ref, motion, terms, compared)
 
 
 def _said(fault: Mapping[str, Any]) -> str:

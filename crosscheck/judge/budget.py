@@ -76,13 +76,14 @@ class Carried:
     """How errors of the residuals of the three levels move the three levels; absolute values, (n, m, T) each.
 
     `phi`, `nu` and `gamma` are what an error of that residual does to the levels from its own on. `bend` (n, T) bounds
-    by how much of itself a change of each coordinate changes J.
+    by how much of itself a change of each coordinate changes J. `rows` are S, T and C as they are, (T, m, n) each.
     """
 
     phi: tuple[Any, Any, Any]
     nu: tuple[Any, Any]
     gamma: tuple[Any]
     bend: Any
+    rows: tuple[Any, Any, Any]
 
     def __call__(self, *errors: Any) -> list[Any]:
         """Return what errors (m, T) of the three residuals do to position, velocity and acceleration, (n, T) each."""
@@ -101,7 +102,7 @@ class Carried:
     def at(self, samples: Any) -> Carried:
         """Return the same at some of the samples."""
         phi, nu, gamma = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
-        return Carried(phi, nu, gamma, self.bend[:, samples])
+        return Carried(phi, nu, gamma, self.bend[:, samples], tuple(a[samples] for a in self.rows))
 
 
 @dataclass(frozen=True)
@@ -160,10 +161,15 @@ class Propagation:
 
     def left(self, order: int, t: float) -> Any:
         """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
-        k = int(np.flatnonzero(self.t == t)[0])
-        slope, rows = np.abs(self.system.phi_q(self.levels[0][:, k], t)), parts_of(self.system).rows
-        solving = elimination(self.size[order][:, k], rows, rows) if order else 0.0
-        return self.e[order][:, k] + np.sum(slope * self.rounding[order][..., k], axis=1) + solving
+        return self.of_rows[order][:, int(np.flatnonzero(self.t == t)[0])]
+
+    @cached_property
+    def of_rows(self) -> list[Any]:
+        """What rounding leaves of the rows of each level, (m, T) each (`left`)."""
+        slope, rows = np.abs(self.system.phi_q(self.levels[0], self.t)), parts_of(self.system).rows
+        left = [e + times(slope, rounding) for e, rounding in zip(self.e, self.rounding, strict=True)]
+        solving = [elimination(size, rows, rows) for size in self.size[1:]]
+        return [left[0], *(own + more for own, more in zip(left[1:], solving, strict=True))]
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
@@ -315,7 +321,8 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
         np.moveaxis(np.abs(x), 0, -1) for x in (inverse, rate @ inverse, bend @ inverse, inverse @ coriolis @ inverse)
     )
     changed = np.max(np.abs(inverse) @ _stacked(np.sum(np.abs(bent), axis=1)), axis=1)
-    return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T)
+    rows = second, third, coriolis
+    return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T, rows=rows)
 
 
 def _inverse(slope: Any) -> Any:

@@ -5,6 +5,10 @@ nothing to compare with: an engine may go on there, on any branch. A residual ha
 little of it as anywhere. So joints are asked, those between the bodies that an answer has: by its pose, and by its
 rates at that pose. Rows with a coordinate of their own, whose rates no answer has, say nothing of rates; nor do those
 of a part with a body that an answer has not: its rates may be the largest, of which the others are rounded.
+
+Beside a singular pose a budget holds, but of each coordinate by itself: all of them may be off together, along the one
+way that the joints hardly hold, by 1e3 times as much as rounding leaves of a joint, and more. There joints are asked,
+too (`opened_beside`).
 """
 
 from __future__ import annotations
@@ -12,18 +16,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.budget import times_with
-from crosscheck.judge.comparison import Reference, difference, rows_of, scaled, uncompared, whole_poses
+from crosscheck.judge.comparison import Comparison, Reference, difference, rows_of, scaled, uncompared, whole_poses
 from crosscheck.judge.hard_poses import TOO_WIDE, allowed_at
 from crosscheck.judge.parts import by_part, parts_of
 from crosscheck.judge.poses import all_levels, rows_among
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
-from crosscheck.judge.rounding import largest, output_rounding, rate_rows, residual_error, solve_error, table_error
+from crosscheck.judge.rounding import (
+    largest,
+    output_rounding,
+    rate_rows,
+    residual_error,
+    solve_error,
+    table_error,
+    times,
+)
 from crosscheck.judge.samples import short
 from crosscheck.judge.spatial import reversed_joints
 from refkin.model import Scene
@@ -34,6 +47,9 @@ from refkin.system import System, compile_system
 
 TURNING = 8.0
 """Two bodies turn a row of three, in space with 2 |p'| each: 2 * 2 * sqrt(3), rounded up."""
+
+BESIDE = 1e-3
+"""Up to this sigma_min a pose is beside a singular one."""
 
 
 def uncompared_faults(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Iterator[dict[str, Any]]:
@@ -138,15 +154,16 @@ class Uncompared:
         known, q = np.isfinite(q).all(axis=1), np.nan_to_num(q, nan=1.0)
         levels = np.nan_to_num(all_levels(system, self.motion)[..., moving], posinf=0.0, neginf=0.0)
         opened = np.zeros((2, len(moving)), bool)
-        opened[:, moving] = self._opened(system.held_at(q), self._rows(known), q, levels, self.motion.t[moving])
+        opened[:, moving] = self._opened(system.held_at(q), self.rows(known), q, levels, self.motion.t[moving])
         return opened
 
-    def _rows(self, known: Any) -> Any:
+    def rows(self, known: Any) -> Any:
         """Return which rows (m,) say something of the rates of coordinates (n,) that are known."""
-        system, place = self.ref.system, parts_of(self.ref.system)
-        bodies = system.of_bodies
+        system, missing = self.ref.system, np.flatnonzero(~known[: self.ref.system.of_bodies])
         rows = rows_among(system, np.where(known, 0.0, np.nan)[:, None])
-        rows &= ~np.isin(place.rows, place.coordinates[:bodies][~known[:bodies]])
+        if missing.size:
+            place = parts_of(system)
+            rows &= ~np.isin(place.rows, place.coordinates[missing])
         for p in system.placed:
             rows[p.row : p.row + p.constraint.rows] &= not p.constraint.passive
         return rows
@@ -201,6 +218,64 @@ class Uncompared:
         q, t = self.ref.levels[0][:, k], float(self.ref.motion.t[k])
         formulas = residual_error(self.system, q[:, None], self.ref.motion.t[[k]])[:, 0]
         return allowed_at(self.system, q, t, self._added(formulas)) + allowed_at(self.ref.system, q, t)
+
+
+def opened_beside(
+    ref: Reference, motion: Motion, terms: Sequence[Term], compared: Comparison
+) -> Iterator[dict[str, Any]]:
+    """Yield where an answer is within its budget beside a singular pose, but opens a joint by more than rounding does.
+
+    Its rates are held at its own pose. They may be those of any pose within the budget, as of Newton's last but one.
+
+    Parameters
+    ----------
+    ref, motion, terms
+        As for `Uncompared`; rows that turn with their joints (`Term.form`) are not asked.
+    compared : Comparison
+        The answer's.
+    """
+    held = [compared.quantities[q] for q in takewhile(compared.quantities.__contains__, QUANTITIES)]
+    here = (ref.sigma_min <= BESIDE) & np.all([quantity.ratio <= 1.0 for quantity in held], axis=0)
+    if not here.any() or any(term.form for term in terms):
+        return
+    off = [np.nan_to_num(quantity.difference[:, here]) for quantity in held]
+    known = np.zeros(ref.system.n, bool)
+    known[: ref.system.of_bodies] = np.isfinite(held[0].difference[:, here]).all(axis=1)
+    rows = Uncompared(ref, motion, terms).rows(known)
+    levels = [level[:, here] for level in ref.levels[: len(held)]]
+    for level, more in zip(levels, off, strict=True):
+        level[: ref.system.of_bodies] += more
+    for quantity, beyond in zip(QUANTITIES, _beyond(ref, levels, here, terms, compared), strict=False):
+        wrong_at = here.copy()
+        wrong_at[here] = beyond[rows].any(axis=0)
+        if wrong_at.any():
+            yield _at(motion, wrong_at, quantity, Cause.UNCLOSED)
+
+
+def _beyond(
+    ref: Reference, levels: Sequence[Any], here: Any, terms: Sequence[Term], compared: Comparison
+) -> Iterator[Any]:
+    """Yield in which rows (m, K) levels (n, K) leave more than rounding, the engine, and a pose and rates do.
+
+    That is any pose, and any rates, within the budget.
+    """
+    carry, t, off = ref.propagation, ref.motion.t[here], [level[:, here] for level in compared.budget.levels]
+    k = np.searchsorted(carry.samples, np.flatnonzero(here))
+    s, further, coriolis = (np.abs(a[k]) for a in carry.carried.rows)
+    system: Any = ref.system.held_at(levels[0])  # no spin violates anything
+    slope = system.phi_q(levels[0], t)
+    for order, (level, moved) in enumerate(zip(levels, ((), (s,), (further, coriolis)), strict=False)):
+        left = (system.phi, system.nu, system.gamma)[order](*levels[: max(order, 1)], t)
+        allowed = carry.of_rows[order][:, k]
+        if order:
+            left = left - times(slope, level)
+            allowed = allowed + solve_error(times(np.abs(slope), off[order]))  # what is off is solved for, too
+        for term in (term for term in terms if term.level == QUANTITIES[order]):
+            of_rates = term.of_rates * largest(carry.rates[order][:, k])
+            allowed = allowed + term.absolute + term.relative * carry.size[order][:, k] + of_rates
+        for by, of in zip(moved, off, strict=False):
+            allowed = allowed + np.einsum("kmn,nk->mk", by, of)
+        yield np.abs(left) > carry.weights * allowed
 
 
 def _contradiction(slope: Any, right: Any, rows: Any) -> Any:

@@ -47,7 +47,7 @@ from crosscheck.judge.samples import (
     sharpness_at_common,
     short,
 )
-from crosscheck.judge.uncompared import believed, put_together_wrongly, uncompared_faults
+from crosscheck.judge.uncompared import believed, opened_beside, put_together_wrongly, uncompared_faults
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.workers.processes import Failure, raised
 from refkin.joints import elements_of
@@ -350,7 +350,7 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
     if scene.points and not motion.points:
         reason = f"{engine} ({method.called}) gives no motion of points: they are not compared"
         part.refusals.append(RefusalRow(engine=engine, reason=reason))
-    faults += points_off(ref, motion, method.delivers, terms, compared)
+    faults += [*opened_beside(ref, motion, terms, compared), *points_off(ref, motion, method.delivers, terms, compared)]
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
     turned_round = _turned_round(told.turned_round, subject, terms) if told.again else None
     part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))

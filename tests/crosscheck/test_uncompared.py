@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import crosscheck
 import refkin
 from crosscheck.engines import Term
 from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.turning import product
-from crosscheck.judge.comparison import reference
-from crosscheck.judge.records import Cause
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.uncompared import Uncompared
 from crosscheck.measure.check import check
 from refkin.model import Mechanism
@@ -257,3 +258,29 @@ def test_where_nothing_is_compared_points_are_where_the_bodies_of_the_answer_hav
     assert (said.quantity, said.kind, said.at.component) == (quantity, Cause.BEYOND, "P.y")
     assert said.ratio > 1e10
     assert found(scene, at(Status.SINGULAR), verdict) == set()
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_beside_a_singular_pose_what_a_budget_allows_opens_no_joint(order):
+    """At sigma_min = 1e-6 one coordinate could be off by 1e-9, 1e-4 of a rate, 9 of an acceleration of 0.07.
+
+    So far rounding leads along the way that the joints hardly hold, and there alone.
+    """
+    law = refkin.Polynomial(coefficients=(np.pi - 0.5 - 1e-5, 0.5))
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=4.0, rocker=1.0).scene(law=law, times=(0.0, 1.0))
+    ref = reference(scene)
+    q, t, allowed = ref.levels[0][:, 1], ref.motion.t[1], ref.budget().levels[order][:, 1]
+    along = np.linalg.svd(ref.system.phi_q(q, t))[2][-1]
+    alone = np.arange(len(q)) == np.argmax(allowed)
+
+    def off_by(off):
+        levels = [level.copy() for level in ref.motion.levels]
+        levels[order][:, 1] += ref.system.to_physical(off, max(order, 1))
+        return replace(ref.motion, q=levels[0], qd=levels[1], qdd=levels[2])
+
+    wrong, right = off_by(0.9 * allowed * alone), off_by(0.9 * along * np.min(allowed / np.abs(along)))
+    assert compare(ref, wrong).agrees
+    assert found(scene, lambda motion: wrong, Status.OK) == {(QUANTITIES[order], Cause.UNCLOSED)}
+    assert found(scene, lambda motion: right, Status.OK) == set()
+    with pytest.raises(AssertionError, match=f"{QUANTITIES[order]}: ok where joints are open"):
+        crosscheck.assert_agrees(wrong, scene)
