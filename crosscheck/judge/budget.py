@@ -184,6 +184,7 @@ class Propagation:
                     added += term.relative * self.of_size[first]
             added[1:] *= self.weights
             levels[first:] += added
+        levels[1:] += self._solved_with(levels)
         whole = np.full((*levels.shape[:2], self.count), np.nan)
         whole[..., self.samples] = levels
         return ErrorBudget(whole, self._judged(levels[0]))
@@ -216,6 +217,19 @@ class Propagation:
             more = np.fmax(more, np.where(near, off, 0.0))
         levels[..., places] += np.where(more > TENTH * self.both[..., here], more, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
+
+    def _solved_with(self, levels: Any) -> Any:
+        """Return what solving adds to rates (2, n, T) that may be off (3, n, T) by a good part of themselves.
+
+        What they are off is solved for with them, by all coordinates' rows together.
+        """
+        more, most = np.zeros_like(levels[1:]), np.max(np.abs(self.levels[1:]), axis=1)
+        far = np.flatnonzero(((np.max(levels[1:], axis=1) > TENTH * most) & (most > 0.0)).any(axis=0))
+        if far.size:
+            own, slope = parts_of(self.system), np.abs(self.system.phi_q(self.levels[0][:, far], self.t[far]))
+            sizes = [elimination(times(slope, off[:, far]), own.rows, own.coordinates) for off in levels[1:]]
+            more[..., far] = self.carried.at(far).of_norm(*sizes)[1:]
+        return more
 
     def _judged(self, dq: Any) -> Any:
         """Return (count,) whether first order says enough where a position is off by dq (n, T)."""
