@@ -7,7 +7,7 @@ rates at that pose. Rows with a coordinate of their own, whose rates no answer h
 of a part with a body that an answer has not: its rates may be the largest, of which the others are rounded.
 
 Beside a singular pose a budget holds, but of each coordinate by itself: all of them may be off together, along the one
-way that the joints hardly hold, by 1e3 times as much as rounding leaves of a joint, and more. There joints are asked,
+way that the joints hardly hold, by 1e4 times as much as rounding leaves of a joint, and more. There joints are asked,
 too (`opened_beside`).
 """
 
@@ -48,7 +48,7 @@ from refkin.system import System, compile_system
 TURNING = 8.0
 """Two bodies turn a row of three, in space with 2 |p'| each: 2 * 2 * sqrt(3), rounded up."""
 
-BESIDE = 1e-3
+BESIDE = 1e-4
 """Up to this sigma_min a pose is beside a singular one."""
 
 
