@@ -13,8 +13,8 @@ import pytest
 from flint import arb
 
 from refkin.analysis import acceleration, velocity
-from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit, XDriver
-from refkin.model import Body, Mechanism
+from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, RackAndPinion, Revolute, Unit, XDriver
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.proof.numbers.bounded import Bounded, Bounds, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
@@ -354,3 +354,24 @@ def test_a_ball_reaches_no_further_than_the_slopes_that_its_proof_has_looked_at(
     assert ball.ok.tolist() == [True, True, False, False]
     assert ball.radii[0, :2] == pytest.approx([radius, 2.0], rel=1e-5)
     assert ball.defect_at_root[0, :2] == pytest.approx([0.2 + bend * radius, 0.5], rel=1e-5)
+
+
+@pytest.mark.parametrize("evidence", [{"certificate"}, set()])
+def test_what_an_inverse_leaves_all_of_proves_nothing(evidence):
+    """Two plates as one, on a rack and in a slot across it: a pose that moves on was ok, with a radius below 0."""
+    pins = (
+        Revolute(name=name, body_i="a", point_i=at, body_j="b", point_j=at)
+        for name, at in (("pin", (-3.0, 1.0)), ("second pin", (0.0, 0.0)))
+    )
+    wheel: dict[str, Any] = {"body_i": GROUND, "point_i": (4.0, 0.0), "body_j": "b", "point_j": (4.0, 0.0)}
+    slot: dict[str, Any] = {"body_i": GROUND, "point_i": (-2.0, -3.0), "body_j": "a", "point_j": (-2.0, -3.0)}
+    held = (
+        RackAndPinion(name="rack", **wheel, axis_i=(3.0, 4.0), radius=2.0),
+        PointOnLine(name="slot", **slot, axis_i=(-4.0, 3.0)),
+    )
+    bodies = tuple(Body(name=name, estimate=(0.0, 0.0, 0.0)) for name in "ba")
+    mechanism = Mechanism(bodies, (*held, *pins))
+    motion = solve(Scene(mechanism=mechanism, times=(0.0,), effects=frozenset(), evidence=frozenset(evidence)))
+
+    assert motion.verdict == "singular"
+    assert "idle motion: no driver holds b and a" in motion.message

@@ -132,7 +132,7 @@ class _Ball:
         r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * z2 * eta)) * (1 + 2.0**-20)
         into_itself = UP * (eta + z0 * r + z2 * r * r / 2) <= r
         self.theta = UP * (z0 + z2 * r)
-        self.ok = into_itself & (UP * r <= BOX) & (self.theta < 1)
+        self.ok = into_itself & (r >= 0) & (UP * r <= BOX) & (self.theta < 1)  # below 0 beyond Z0 = 1
         self.defect_at_root = UP * (first + second * r)  # |I - R phi_q(q*)| w
         remainder = UP * (error + first * r + second * r * r / 2)
         self.radii = UP * np.minimum(r * w, np.abs(shift) + remainder)
