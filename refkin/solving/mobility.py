@@ -250,17 +250,17 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
     """
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
-    phi_q, names = _slopes(system, q, t), row_names(system)
-    constraints = system.mechanism.constraints
+    names, constraints = row_names(system), system.mechanism.constraints
     kinematic = sum(joint.rows for joint in constraints[: len(system.mechanism.joints)])
     driven = sum(constraint.rows for constraint in constraints)
-    of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, driven))
-    return Mobility(of_joints, of_all, tuple(_alone(system, q, phi_q[:driven], tolerance)))
+    by_joints, by_all = (_slopes(system, q, t, m) for m in (kinematic, driven))
+    of_joints, of_all = (rank_of(rows, names[: len(rows)], tolerance) for rows in (by_joints, by_all))
+    return Mobility(of_joints, of_all, tuple(_alone(system, q, by_all, tolerance)))
 
 
-def _slopes(system: System, q: Any, t: float) -> Any:
-    """Return phi_q in `common_columns`, without the rows and columns of which only rounding is left."""
-    here, there = (common_columns(system, x, system.phi_q(x, t)) for x in (q, elsewhere(system, q)))
+def _slopes(system: System, q: Any, t: float, rows: int) -> Any:
+    """Return the first rows of phi_q in `common_columns`, without those and the columns of which rounding is left."""
+    here, there = (common_columns(system, x, system.phi_q(x, t)[:rows]) for x in (q, elsewhere(system, q)))
     return without_rounding(without_rounding(here, there).T, there.T).T
 
 

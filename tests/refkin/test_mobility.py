@@ -243,6 +243,23 @@ def test_linear_constraints_may_repeat_each_other():
     ]
 
 
+@pytest.mark.parametrize("phi", [1.1, -0.7, 0.5364, 0.0])
+def test_two_rods_along_one_line_hold_one_freedom_whichever_way_it_leads(phi):
+    """Of the angle's column rounding is all that is left, and it passed for a freedom held where a driver has one."""
+    cos, sin = math.cos(phi), math.sin(phi)
+
+    def rod(name, start, end):
+        ends = {"body_i": "ground", "point_i": (start * cos, start * sin), "body_j": "plate", "point_j": (end, 0.0)}
+        return refkin.Distance(name=name, **ends, length=end - start)
+
+    law = Polynomial(coefficients=(phi,))
+    drivers = (AngleDriver(name="motor", body="plate", law=law), YDriver(name="lift", body="plate", law=STILL))
+    plate = Body(name="plate", estimate=(0.0, 0.0, phi))
+    freedoms = mobility(Mechanism((plate,), (rod("a", -0.3, 0.1), rod("b", -0.2, 0.3)), drivers), [0.0, 0.0, phi])
+
+    assert (freedoms.mobility, [row.row for row in freedoms.joints.dependent]) == (2, ["b"])
+
+
 def test_a_row_that_vanishes_depends_on_nothing():
     (result,) = rank_of(np.array([[1.0, 0.0], [0.0, 0.0]]), ["a", "b"]).dependent
 
