@@ -407,3 +407,23 @@ def test_a_path_of_a_loop_that_cannot_move_stops_where_it_starts() -> None:
     assert path.end is TraceEnd.STOPPED
     assert np.max(path.residual) <= 1e-9
     assert np.max(np.abs(path.t - path.t[0])) < 1e-6
+
+
+@pytest.mark.parametrize("phi", [-2.8, -0.4, 1.8, 2.6])
+def test_rows_that_are_held_against_no_root_leave_a_slider_idle_that_nothing_moves_along(phi):
+    """Two drivers of the arm, and one across the slide: ok, as what redundant rows were off by was no number."""
+    cos, sin = math.cos(phi), math.sin(phi)
+    slide = {"body_i": "arm", "point_i": ORIGIN, "axis_i": (cos, -sin), "body_j": "slider", "point_j": ORIGIN}
+    pin = Revolute(name="pin", body_i=GROUND, point_i=ORIGIN, body_j="arm", point_j=ORIGIN)
+    still, turn, push = (Polynomial(coefficients=(x,)) for x in (0.0, phi, 0.7 * cos - 0.4 * sin))
+    drivers = (
+        AngleDriver(name="turn", body="arm", law=turn),
+        refkin.YDriver(name="lift", body="slider", law=still),
+        refkin.XDriver(name="push", body="arm", point=(0.7, 0.4), law=push),
+    )
+    bodies = tuple(Body(name=name, estimate=(0.0, 0.0, phi)) for name in ("arm", "slider"))
+    mechanism = Mechanism(bodies, (pin, refkin.Prismatic(name="slide", **slide)), drivers)
+    motion = solve(Scene(mechanism=mechanism, times=(0.0,), effects=frozenset()))
+
+    assert motion.verdict == "singular"
+    assert "idle motion: with the drivers held slider can still move on and on" in motion.message

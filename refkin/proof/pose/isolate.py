@@ -105,6 +105,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
             _by_balls(isolation, sample, enclosure, levels)
     if qd is not None:
         isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
+    isolation.ok[np.isnan(isolation.contradiction[0])] = False  # redundant rows were not held against the root
     return isolation
 
 
