@@ -212,6 +212,43 @@ def test_a_driver_that_repeats_what_a_joint_holds_leaves_an_idle_motion():
     assert diagnosis.bodies == ("crank", "connecting_rod", "slider")
 
 
+def driven(kind, name, value, **more):
+    return kind(name=name, law=Polynomial(coefficients=(value,)), **more)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_two_drivers_that_hold_nothing_are_both_named_in_whichever_order(order):
+    """One of them was, or a part of both."""
+    drivers = [
+        driven(what, f"{name} {what.__name__} {k}", 0.0, body=name)
+        for name in ("left", "right")
+        for k, what in enumerate((AngleDriver, AngleDriver, YDriver))
+    ]
+    bodies = tuple(Body(name=name, estimate=(0.0, 0.0, 0.0)) for name in ("left", "right"))
+    diagnosis = refkin.diagnose(Scene(mechanism=Mechanism(bodies, (), drivers[::order]), times=(0.0,)))
+
+    assert (diagnosis.kind, diagnosis.bodies) == (PoseKind.IDLE, ("left", "right"))
+    assert {*diagnosis.rows} == {d.name for d in drivers if "Angle" in d.name}
+
+
+def test_a_motion_that_goes_on_is_found_beside_one_that_does_not():
+    """A link swings round, and what is guided along it; a slider is held to second order: all three were a mixture."""
+    arm = refkin.Distance(name="arm", body_i=GROUND, point_i=(-1.0, 0.0), body_j="a", point_j=(-1.0, 1.0), length=1.0)
+    slide = {"body_i": GROUND, "point_i": (2.0, -2.0), "axis_i": (1.0, 0.0), "body_j": "b", "point_j": (1.0, -2.0)}
+    guide = {"body_i": "a", "point_i": (-1.0, 0.0), "axis_i": (-4.0, 3.0), "body_j": "c", "point_j": (-5.0, 3.0)}
+    drivers = (
+        driven(YDriver, "lift", -2.0, body="b", point=(-2.0, -2.0)),
+        driven(AngleDriver, "turn c", 0.0, body="c"),
+        cylinder(GROUND, (0.0, 0.0), "b", (0.0, 1.0), 1.0),
+        driven(AngleDriver, "turn b", 0.0, body="b"),
+        driven(AngleDriver, "turn b on a", 0.0, body="b", relative_to="a"),
+    )
+    bodies = tuple(Body(name=name, estimate=(0.0, 0.0, 0.0)) for name in "abc")
+    joints = (arm, Prismatic(name="slide", **slide), refkin.PointOnLine(name="guide", **guide))
+
+    assert refkin.diagnose(Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,))).kind is PoseKind.IDLE
+
+
 def test_redundant_rows_are_those_of_the_parallel_cranks():
     diagnosis = refkin.diagnose(three_cranks(0.0))
 
@@ -488,4 +525,4 @@ def test_a_flat_parallelogram_of_space_is_the_bifurcation_that_it_is_in_the_plan
 
     assert diagnosis.kind is PoseKind.BIFURCATION
     assert len(diagnosis.tangents) == 2
-    assert diagnosis.other_driver == ""
+    assert (diagnosis.rows, diagnosis.other_driver) == (("A0", "A", "B", "B0"), "")

@@ -20,6 +20,7 @@ import numpy as np
 from refkin.joints import GROUND, SPACE
 from refkin.motion import Array
 from refkin.proof.numbers.inputs import contradiction
+from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
@@ -128,7 +129,8 @@ class _Examination:
         self.constraints = [p.constraint for p in self.system.placed for _ in range(p.constraint.rows)]
         m, every = self.system.mechanism, np.arange(self.system.m)  # rows of joints, of drivers, of bodies
         first = sum(joint.rows for joint in m.constraints[: len(m.joints)])
-        self.driven = every[first : first + sum(driver.rows for driver in m.constraints[len(m.joints) :])]
+        self.stated = sum(constraint.rows for constraint in m.constraints)
+        self.driven = every[first : self.stated]
         self.all = balanced(self.system, q, t, every)
         self.joints = balanced(self.system, q, t, np.setdiff1d(every, self.driven))
         self.sigma = self.all.sigma[self.system.n - 1]
@@ -179,18 +181,18 @@ class _Examination:
         """The drivers do not hold what the joints allow."""
         free = self.all.right_null(self.vanishing)
         left = self.all.left_null_with(self.driven, self.vanishing)
-        rows, bodies = self._rows(left[None]), self._bodies(free)
+        rows, bodies = self._rows(left), self._bodies(free)
         other = self._other_driver(free)
         same = f"; driven by {other} the same pose is regular (an actuator singularity)" if other else ""
         who = {"rows": rows, "bodies": bodies, "other_driver": other}
         held = f"with the drivers held {_and(bodies)} can still move"
-        if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
+        if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left[0]) @ free[:, 0]) > self.vanishing:
             # Beside a bifurcation all drivers have small parts of psi.
-            drivers = self._rows(np.where(np.isin(np.arange(self.system.m), self.driven), left, 0.0)[None])
+            drivers = self._rows(np.where(np.isin(np.arange(self.system.m), self.driven), left[:1], 0.0))
             return self._of(
                 PoseKind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who
             )
-        if advances(self.system, self.q, self.t, free[:, 0]):
+        if self._goes_on(free):
             return self._of(PoseKind.IDLE, f"{held} on and on{same}", **who)
         return self._of(PoseKind.ACTUATOR, f"{held} to first order{same}", **who)
 
@@ -198,11 +200,11 @@ class _Examination:
         """The joints allow more motions than there are driven rows."""
         free, held = self.all.right_null(self.vanishing), self.joints
         tangent_cone = cone(held, self.vanishing, self.system.phi_q(self.q, self.t)[self.driven])
-        rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
+        rows, bodies = self._rows(held.left_null(self.system.n - self.mobility), held.rows), self._bodies(free)
         who = {"rows": rows, "bodies": bodies}
         more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"
         if tangent_cone.forms == 0:
-            if advances(self.system, self.q, self.t, free[:, 0]):
+            if self._goes_on(free):
                 what = _and(bodies) if bodies else "where on its profile a cam touches"
                 return self._of(PoseKind.IDLE, f"no driver holds {what}", bodies=bodies)
             return self._of(PoseKind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
@@ -218,6 +220,11 @@ class _Examination:
         if tangent_cone.is_definite:
             return self._of(PoseKind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **who)
         return self._of(PoseKind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
+
+    def _goes_on(self, free: Any) -> bool:
+        """Whether some of the motions (n, k) goes on, of such as have each a coordinate that the others leave alone."""
+        apart = free @ np.linalg.inv(free[leading_rows(free, free.shape[1])])
+        return any(advances(self.system, self.q, self.t, v) for v in apart.T)
 
     def _other_driver(self, free: Any) -> str:
         """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular.
@@ -241,13 +248,14 @@ class _Examination:
                     return words
         return ""
 
-    def _rows(self, null: Any) -> tuple[str, ...]:
-        """Return the constraints with a part in null vectors (k, m)."""
+    def _rows(self, null: Any, among: Any = None) -> tuple[str, ...]:
+        """Return the constraints with a part in null vectors (k, m) of rows `among` (m,), by default all."""
         size = np.max(np.abs(null), axis=0, initial=0.0)
-        return self._names(np.flatnonzero(size > INVOLVED * np.max(size, initial=0.0)))
+        involved = np.flatnonzero(size > INVOLVED * np.max(size, initial=0.0))
+        return self._names(involved if among is None else among[involved])
 
     def _names(self, rows: Any) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(self.constraints[k].name for k in rows))
+        return tuple(dict.fromkeys(self.constraints[k].name for k in rows if k < self.stated))  # p . p = 1 says nothing
 
     def _bodies(self, free: Any) -> tuple[str, ...]:
         """Return the bodies that move in the motions (n, k)."""

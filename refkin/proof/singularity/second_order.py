@@ -49,10 +49,10 @@ class Balanced:
         return self.left[:, rank:].T * self.by_row
 
     def left_null_with(self, rows: Any, tolerance: float) -> Any:
-        """Return of these the weights (m,) in which the given rows have the largest part."""
+        """Return of these the weights (k, m) in which the given rows have a part, the largest one first."""
         null = self.left[:, self.rank(tolerance) :]
-        weights = np.linalg.svd(null[rows])[2][0]
-        return (null @ weights) * self.by_row
+        _, parts, weights = np.linalg.svd(null[rows])
+        return (null @ weights[: max(1, int(np.sum(parts > tolerance)))].T).T * self.by_row
 
     def bend(self, weights: Any) -> Any:
         """Return the second derivatives (n, n) of the sum of rows with weights (m,)."""
