@@ -287,13 +287,15 @@ class Record(Strict):
 class NewCase(Strict):
     """A disagreement that no known gap accounts for, and the scene that shows it.
 
-    The scene is that of the record `key`, number `shard` in the night, or of the `case` of the golden set. Its scene
-    `file` is in the folder of the night; `shrunk` says whether it was made minimal, `note` what was done for that.
+    The scene is that of the record `key`, number `shard` in the night, of which a part was checked if it is
+    `shortened`, or of the `case` of the golden set. Its scene `file` is in the folder of the night; `shrunk` says
+    whether it was made minimal, `note` what was done for that.
     """
 
     disagreement: Disagreement
     key: str
     shard: int | None = None
+    shortened: bool = False
     case: str = ""
     file: str | None = None
     shrunk: bool = False

@@ -297,8 +297,9 @@ def _sort(journal: Journal, outcome: NightOutcome) -> Unanswered:
         new = tally.add(record)
         mute.add(record)
         outcome.known += len(record.disagreements) - len(new)
-        shard = int(record.about["shard"] or 0)
-        outcome.new += [NewCase(disagreement=disagreement, key=record.key, shard=shard) for disagreement in new]
+        where: Any = {"key": record.key, "shard": int(record.about["shard"] or 0)}
+        where["shortened"] = bool(record.about.get("shortened"))
+        outcome.new += [NewCase(disagreement=disagreement, **where) for disagreement in new]
         if record.failure is not None:
             outcome.failed.append(f"{record.key}: {record.failure}")
     outcome.possibly_closed = tally.possibly_closed()

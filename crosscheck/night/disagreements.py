@@ -13,7 +13,7 @@ from typing import Any
 from crosscheck.judge.known_gaps import KnownGap, Tally, table
 from crosscheck.judge.records import Cause, Disagreement, NewCase, plain
 from crosscheck.night.plan import NightPlan, write_scene
-from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, expected_of, shrink
+from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, expected_of, in_part, shrink
 from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
@@ -71,8 +71,9 @@ def write_disagreements(
 
 
 def _drawn(plan: NightPlan, case: NewCase) -> AnyDrawn:
-    """Return the scene of a disagreement, with the times that a night may have spared it (`shortened`), too."""
-    return draw(plan.seed, case.shard or 0)
+    """Return the scene of a disagreement as the night had it: a part begins elsewhere, and may alone be wrong."""
+    whole = draw(plan.seed, case.shard or 0)
+    return in_part(whole) if case.shortened else whole
 
 
 def _shrink(
@@ -96,7 +97,7 @@ def _shrink(
             again[drawn.scene] = _again(kind, beside, drawn, workers, gaps)
             return again[drawn.scene] is not None
 
-        simplest, tried = shrink(plan.seed, case.shard or 0, still_fails, seconds)
+        simplest, tried = shrink(plan.seed, case.shard or 0, still_fails, seconds, part=case.shortened)
         if simplest is None:
             case.note = "it did not show again when its scene was checked by itself"
             return

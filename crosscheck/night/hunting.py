@@ -36,6 +36,7 @@ from crosscheck.scenes.drawing import (
     climb,
     draw,
     expected_of,
+    in_part,
     own_choices_only,
     profile,
     shortened,
@@ -214,9 +215,15 @@ class _Hunter:
             self.bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
 
     def look_at_start(self, night: int, number: int) -> None:
-        """Check the scene of a night at the times that it had there, and those it was spared, however late it is."""
+        """Check the scene of a night at all times, and as it had it if it knew it well, however late it is."""
         origin = f"scene {number} of night {night}"
-        self.try_turn(origin, lambda: self.look(draw(night, number), origin))
+
+        def both() -> None:
+            whole = draw(night, number)
+            for drawn in {one.scene: one for one in (whole, in_part(whole))}.values():
+                self.look(drawn, origin)
+
+        self.try_turn(origin, both)
 
     def look(self, drawn: AnyDrawn, origin: str) -> dict[Target, float]:
         """Check a scene, keep what is worse than before, and return how bad it is."""

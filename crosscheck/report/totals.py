@@ -100,7 +100,7 @@ class Together:
     def described(self) -> dict[str, Any]:
         """Return the features, how many cells were met and how many only once, and every cell, the rarest last.
 
-        `shortened` is how many scenes were checked at the first part of their times.
+        `shortened` is how many scenes were checked at a part of their times.
 
         `pairs` has, per two kinds of features, how many of all their pairs were met, how many there are, and how many
         were met only once; and by name those that were not met.

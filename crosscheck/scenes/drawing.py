@@ -144,7 +144,7 @@ def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
 
 
 def shrink(
-    night: int, number: int, still_fails: Callable[[AnyDrawn], bool], seconds: float
+    night: int, number: int, still_fails: Callable[[AnyDrawn], bool], seconds: float, *, part: bool = False
 ) -> tuple[AnyDrawn | None, int]:
     """Return the simplest scene found that fails as the one drawn under this number did, and how many were tried.
 
@@ -159,15 +159,19 @@ def shrink(
         Whether a scene shows the same disagreement.
     seconds : float
         After this long the simplest so far is returned.
+    part : bool
+        Whether a scene is asked as a night asks one that it knows well (`in_part`).
     """
     end = time.monotonic() + seconds
-    best, samples = draw(night, number), SAMPLES
+    checked, times_drawn = (in_part, PART) if part else (lambda drawn: drawn, 1)
+    best, samples = checked(draw(night, number)), SAMPLES
     fails = {best.scene: still_fails(best)}  # asked once per scene, so that Hypothesis never sees it waver
     if not fails[best.scene]:
         return None, 1
 
     def property_to_shrink(drawn: AnyDrawn) -> None:
         nonlocal best
+        drawn = checked(drawn)
         if drawn.scene not in fails:
             if time.monotonic() > end:
                 raise OutOfTime
@@ -179,9 +183,9 @@ def shrink(
     try:
         for fewer in FEWER_SAMPLES:
             with suppress(_FailingScene):
-                property_to_shrink(draw(night, number, fewer))
+                property_to_shrink(draw(night, number, times_drawn * fewer))
             if len(best.scene.times) == fewer:
-                samples = fewer
+                samples = times_drawn * fewer
                 break
         _run(night, number, samples, (Phase.generate, Phase.shrink), property_to_shrink)
     except (_FailingScene, OutOfTime):
@@ -288,6 +292,11 @@ def shortened(drawn: AnyDrawn) -> Scene | None:
         return drawn.nearest(few)
     plain = drawn.hardness == Hardness.REGULAR and not isinstance(drawn, Featured)
     return replace(scene, times=scene.times[:few]) if plain else None
+
+
+def in_part(drawn: AnyDrawn) -> AnyDrawn:
+    """Return a scene at the part of its times at which a night checks it that knows it well, if there is one."""
+    return replace(drawn, scene=shortened(drawn) or drawn.scene)
 
 
 def effort(scene: Scene) -> int:

@@ -34,6 +34,7 @@ from crosscheck.scenes.drawing import (
     describe,
     draw,
     effort,
+    in_part,
     is_chain,
     numbers_of,
     turn_of,
@@ -43,6 +44,7 @@ from crosscheck.strategies.chain_kinds import KINDS as CHAIN_KINDS
 from crosscheck.strategies.space_kinds import KINDS as SPACE_KINDS
 from crosscheck.workers import source
 from crosscheck.workers.pool import find_engines
+from refkin.scenes.files import load, parse
 
 from .fake_engines import EXIT, HANG, SHIFT, alive, crosscheck, engine_file, records_of, start
 from .report_records import record, typed
@@ -542,6 +544,24 @@ def test_a_disagreement_is_not_simplified_into_one_of_another_root(tmp_path):
     assert not new[0].shrunk
 
 
+def test_what_shows_in_the_part_of_a_scene_alone_is_written_and_simplified_there(tmp_path):
+    """A night began where the whole scene does not, and wrote that instead: it showed nothing, and was left so."""
+    whole = draw(NIGHT, 0)
+    part, workers = in_part(whole), Checking(sigma_per_step=10.0)
+
+    def check_one(job, engines):
+        bodies, start = parse(job["scene"]).mechanism.bodies, parse(job["scene"]).times[0]
+        return replace(workers.record, disagreements=[JUMP] if start > 0.0 and bodies else [])
+
+    workers.check_one = check_one
+    new = [replace(jump(), key=key_of(part.scene), shortened=True)]
+    write_disagreements(plan(tmp_path, shrinking_seconds=5.0), new, workers)
+
+    assert (whole.scene.times[0], new[0].shrunk, new[0].note) == (0.0, True, "")
+    assert load(tmp_path / "disagreements" / f"{new[0].key}.toml") == part.scene
+    assert effort(load(tmp_path / new[0].file)) < 200 < effort(part.scene)
+
+
 def test_simplifying_ends_when_its_time_is_over(tmp_path):
     workers = Checking(sigma_per_step=10.0)
     write_disagreements(plan(tmp_path, shrinking_seconds=0.0), [jump()], workers)  # type: ignore[arg-type]
@@ -553,7 +573,7 @@ def test_simplifying_ends_when_its_time_is_over(tmp_path):
 def test_kinds_that_are_still_to_be_simplified_share_the_time_that_is_left(tmp_path, monkeypatch):
     now, given = iter((0.0, 0.0, 50.0, 50.0, 50.0, 80.0)), []
     monkeypatch.setattr(
-        disagreements, "shrink", lambda seed, number, fails, seconds: given.append((number, seconds)) or (None, 1)
+        disagreements, "shrink", lambda seed, number, fails, seconds, **_: given.append((number, seconds)) or (None, 1)
     )
     monkeypatch.setattr(disagreements, "time", SimpleNamespace(monotonic=lambda: next(now)))
     other = replace(JUMP, quantity="velocity")

@@ -21,7 +21,7 @@ from crosscheck.night.campaign import OtherRun, run
 from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, NightPlan, read_outcome
 from crosscheck.report.build import summarized
 from crosscheck.scenes.conformance import Question, questions
-from crosscheck.scenes.drawing import draw, is_chain
+from crosscheck.scenes.drawing import draw, in_part, is_chain
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
@@ -49,14 +49,18 @@ def wrong(quantity: str) -> Disagreement:
 JUMP = Disagreement(engine="exudyn", method="shipped", quantity="position", kind=Cause.OTHER_ASSEMBLY, ratio=2.0)
 PLANTED = {1: ("velocity",), 2: ("velocity", "position"), 8: ("acceleration", "velocity")}
 """Number of a scene -> in what mujoco is wrong there; the velocity is a known gap."""
-TWICE, LOST, GONE_OVER = {5: 3}, 4, 7
-"""A scene that is the same as an earlier one; one without a record of its own; one that our own table knows."""
+TWICE, LOST, GONE_OVER, IN_PART = {5: 3}, 4, 7, 2
+"""A scene that is the same as an earlier one; one without a record of its own; one that our own table knows; one that
+is checked at a part of its times."""
 
 
 @cache
 def key(number: int) -> str:
     """The key of a scene that is drawn; of later ones any that is none of these."""
-    return key_of(draw(SEED, TWICE.get(number, number)).scene) if number < 10 else f"{number:016x}"
+    if number >= 10:
+        return f"{number:016x}"
+    drawn = draw(SEED, TWICE.get(number, number))
+    return key_of((in_part(drawn) if number == IN_PART else drawn).scene)
 
 
 class InThisProcess:
@@ -113,7 +117,7 @@ class InThisProcess:
         rows = [wrong(quantity) for quantity in self.planted.get(number, ())] + [JUMP] * (
             number == GONE_OVER and bool(self.planted)
         )
-        about = {**met.about, "shard": number}
+        about = {**met.about, "shard": number} | ({"shortened": True} if number == IN_PART else {})
         if self.refusing:
             met = replace(met, refusals=[RefusalRow(engine="mujoco", reason="not today", **self.refusing)])
         yield replace(met, key=key(number), about=about, disagreements=rows, scene=f"scene {number}")
@@ -157,6 +161,7 @@ def test_a_night_counts_keeps_and_calls_new_what_its_records_hold(night, tmp_pat
     outcome, workers, said = night()
     records = [met for _, met in read_records(tmp_path / "out" / "records.jsonl")]
     new = [(case.key, case.shard, case.disagreement) for case in outcome.new]
+    assert [case.shard for case in outcome.new if case.shortened] == [IN_PART]
 
     assert sorted(met.scene for met in records) == [f"scene {number}" for number in range(10) if number not in TWICE]
     assert outcome.checked == len(records) == 9
