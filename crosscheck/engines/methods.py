@@ -317,7 +317,7 @@ def copied(one: Copied) -> Copied:
     """Return an equal scene or motion, all of it anew."""
     try:
         new: Copied = pickle.loads(pickle.dumps(one, pickle.HIGHEST_PROTOCOL))
-    except (AttributeError, TypeError, pickle.PicklingError):  # a class of one's own that a function defines
+    except Exception:  # a class of one's own that a function defines, or one that is copied in a way of its own
         return deepcopy(one)  # takes five times as long
     return new
 

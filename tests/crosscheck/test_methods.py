@@ -23,6 +23,7 @@ from refkin.joints import Revolute
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
+from refkin.solving.solve import solve
 from tests.linkages import without_estimates
 from tests.refkin.test_sweep import three_cranks
 
@@ -312,6 +313,24 @@ def test_a_joint_that_a_function_defines_is_copied():
     assert other == scene
     assert other.mechanism.joints[0] is not scene.mechanism.joints[0]
     assert check(scene, ["pinocchio"]).disagreements == []
+
+
+def test_what_is_copied_in_a_way_of_its_own_alone_is_copied():
+    """Bindings that say how, and cannot be pickled, raise whatever they like for it."""
+
+    class Handle:
+        """What an engine keeps with its answer."""
+
+        def __deepcopy__(self, memo):
+            return Handle()
+
+        def __reduce__(self):
+            raise RuntimeError("pickling is not enabled")
+
+    motion = solve(SCENE)
+    object.__setattr__(motion, "handle", Handle())
+
+    assert copied(motion).q.tolist() == motion.q.tolist()
 
 
 @pytest.mark.parametrize("producer", PRICED)
