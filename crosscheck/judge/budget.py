@@ -76,14 +76,13 @@ class Carried:
     """How errors of the residuals of the three levels move the three levels; absolute values, (n, m, T) each.
 
     `phi`, `nu` and `gamma` are what an error of that residual does to the levels from its own on. `bend` (n, T) bounds
-    by how much of itself a change of each coordinate changes J. `rows` are S, T and C as they are, (T, m, n) each.
+    by how much of itself a change of each coordinate changes J.
     """
 
     phi: tuple[Any, Any, Any]
     nu: tuple[Any, Any]
     gamma: tuple[Any]
     bend: Any
-    rows: tuple[Any, Any, Any]
 
     def __call__(self, *errors: Any) -> list[Any]:
         """Return what errors (m, T) of the three residuals do to position, velocity and acceleration, (n, T) each."""
@@ -102,7 +101,7 @@ class Carried:
     def at(self, samples: Any) -> Carried:
         """Return the same at some of the samples."""
         phi, nu, gamma = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
-        return Carried(phi, nu, gamma, self.bend[:, samples], tuple(a[samples] for a in self.rows))
+        return Carried(phi, nu, gamma, self.bend[:, samples])
 
 
 @dataclass(frozen=True)
@@ -320,23 +319,33 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     t : (T,) array
         Times [s].
     """
-    z, n = _stepped(q), len(q)
-    slope = system.phi_q(z, t)
+    slope, second, third, coriolis = slopes(system, q, qd, qdd, t)
     inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
-    # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
-    still = np.zeros_like(z)
-    at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
-    gamma = np.imag(system.gamma(at, moving, t)) / STEP
-    second = _stacked(times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
-    third, coriolis = _stacked(times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
     rate = inverse @ second  # A S
     bend = inverse @ (third + coriolis @ rate)
     own, rate, bend, turned = (
         np.moveaxis(np.abs(x), 0, -1) for x in (inverse, rate @ inverse, bend @ inverse, inverse @ coriolis @ inverse)
     )
     changed = np.max(np.abs(inverse) @ _stacked(np.sum(np.abs(bent), axis=1)), axis=1)
-    rows = second, third, coriolis
-    return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T, rows=rows)
+    return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T)
+
+
+def slopes(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any, Any, Any]:
+    """Return J with a complex step in each coordinate, (m, n, n, T), and S, T and C, (T, m, n) each.
+
+    Parameters
+    ----------
+    system, q, qd, qdd, t
+        As for `carried`.
+    """
+    z, n = _stepped(q), len(q)
+    slope = system.phi_q(z, t)
+    bent, still = np.imag(slope) / STEP, np.zeros_like(z)
+    # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
+    at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
+    gamma = np.imag(system.gamma(at, moving, t)) / STEP
+    second = _stacked(times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
+    return slope, second, _stacked(times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
 
 
 def _inverse(slope: Any) -> Any:

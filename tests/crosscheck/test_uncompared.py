@@ -15,7 +15,7 @@ from crosscheck.engines.loading import load
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import QUANTITIES, Cause
-from crosscheck.judge.uncompared import Uncompared
+from crosscheck.judge.uncompared import Uncompared, opened_beside
 from crosscheck.measure.check import check
 from refkin.model import Mechanism
 from refkin.motion import Status
@@ -284,3 +284,29 @@ def test_beside_a_singular_pose_what_a_budget_allows_opens_no_joint(order):
     assert found(scene, lambda motion: right, Status.OK) == set()
     with pytest.raises(AssertionError, match=f"{QUANTITIES[order]}: ok where joints are open"):
         crosscheck.assert_agrees(wrong, scene)
+
+
+def test_rates_may_be_those_of_another_pose_that_is_allowed():
+    """Two poses that are off by as much, to either side, are twice as far apart: rates of the one were 1.8 too much."""
+    law = refkin.Polynomial(coefficients=(np.pi - 0.5 - 1e-4, 0.5))
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=4.0, rocker=1.0).scene(law=law, times=(0.0, 1.0))
+    ref, terms = reference(scene), (Term(name="rule", level="position", reason="", absolute=1e-12),)
+    system, t, levels = ref.system, 1.0, [level.copy() for level in ref.motion.levels]
+    left = 0.9e-12 * np.sign(np.linalg.svd(system.phi_q(ref.levels[0][:, 1], t))[0][:, -1])
+
+    def pose(left):
+        q = ref.levels[0][:, 1]
+        for _ in range(4):
+            q = q - np.linalg.solve(system.phi_q(q, t), system.phi(q, t) - left)
+        return q
+
+    q = pose(-left)
+    qd = np.linalg.solve(system.phi_q(q, t), system.nu(q, t))
+    qdd = np.linalg.solve(system.phi_q(q, t), system.gamma(q, qd, t))
+    for order, level in enumerate((pose(left), qd, qdd)):
+        levels[order][:, 1] = system.to_physical(level, order)
+    answer = replace(ref.motion, q=levels[0], qd=levels[1], qdd=levels[2])
+    compared = compare(ref, answer, terms)
+
+    assert compared.agrees
+    assert list(opened_beside(ref, answer, terms, compared)) == []
