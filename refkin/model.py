@@ -114,13 +114,18 @@ class Mechanism:
         return Unit(self.size(), next(on_ground, (0.0,) * self.kind.dimension))
 
 
+ROUNDED = 2.0**-48
+"""Distance of points, in units of their coordinates, up to which a few roundings tell them apart: they are one."""
+
+
 def _diameter(points: Sequence[Any]) -> float:
     """Return the largest distance of two points; of many, only those far enough from their middle are compared."""
     if len(points) > 32:
         away = reduce(np.hypot, (np.array(points) - (np.min(points, axis=0) + np.max(points, axis=0)) / 2).T)
         least = max(math.dist(p, points[int(np.argmax(away))]) for p in points) - (1 + 1e-12) * np.max(away)
         points = [p for p, a in zip(points, away, strict=True) if a >= least]
-    return max((math.dist(a, b) for k, a in enumerate(points) for b in points[:k]), default=0.0)
+    away = ((math.dist(a, b), max(map(abs, a))) for k, a in enumerate(points) for b in points[:k])
+    return max((d for d, size in away if d > ROUNDED * size), default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -303,6 +303,21 @@ def test_the_largest_distance_is_that_of_all_pairs(cloud):
     assert _diameter(points) == pytest.approx(max(math.dist(a, b) for a in points for b in points), rel=1e-15, abs=0.0)
 
 
+@pytest.mark.parametrize("at", [(1.0, 0.3), (-3000.0, 1e-9)])
+def test_a_hinge_that_is_stated_twice_has_no_size_by_rounding(at):
+    """It was 5e-17 m, and of three poses one was ok."""
+    twice = [(0.3, 0.1), (math.nextafter(0.3, 1.0), 0.1)]
+    pins = [
+        Revolute(name=f"pin {k}", body_i="ground", point_i=at, body_j="wheel", point_j=p) for k, p in enumerate(twice)
+    ]
+    motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
+    wheel = Body(name="wheel", estimate=(at[0] - 0.3, at[1] - 0.1, 0.0))
+    mechanism = Mechanism((wheel,), pins, (motor,))
+
+    assert mechanism.size() == 1.0
+    assert refkin.solve(refkin.Scene(mechanism=mechanism, times=(0.0, 0.1, 0.5))).verdict is refkin.Status.OK
+
+
 @pytest.mark.parametrize(("first", "second"), [(-0.3, 7.9), (-7.9, 0.3)])
 def test_a_gear_brings_the_larger_of_its_radii(first, second):
     wheels = Gear(name="teeth", body_i="a", radius_i=first, body_j="b", radius_j=second)
