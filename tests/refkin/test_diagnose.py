@@ -249,6 +249,21 @@ def test_a_motion_that_goes_on_is_found_beside_one_that_does_not():
     assert refkin.diagnose(Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,))).kind is PoseKind.IDLE
 
 
+def test_links_that_are_short_for_the_mechanism_turn_far_while_a_motion_is_followed():
+    """A plate on two bars that turn against each other, in a mechanism of 32 m: it was held to first order alone."""
+    bars, arm = {"body_i": GROUND, "body_j": "plate"}, pin("pin", GROUND, (30.0, 0.0), "arm", (0.0, 0.0))
+    bar = refkin.Distance(name="bar", **bars, point_i=(-1.0, -1.0), point_j=(2.0, 3.0), length=5.0)
+    drivers = (
+        cylinder(GROUND, (4.0, 5.0), "plate", (1.0, 1.0), 5.0),
+        driven(AngleDriver, "turn", 0.0, body="arm"),
+        driven(AngleDriver, "turn again", 0.0, body="arm"),
+    )
+    bodies = (Body(name="plate", estimate=(0.0, 0.0, 0.0)), Body(name="arm", estimate=(30.0, 0.0, 0.0)))
+
+    found = refkin.diagnose(Scene(mechanism=Mechanism(bodies, (bar, arm), drivers), times=(0.0,)))
+    assert (found.kind, found.bodies) == (PoseKind.IDLE, ("plate",))
+
+
 def test_redundant_rows_are_those_of_the_parallel_cranks():
     diagnosis = refkin.diagnose(three_cranks(0.0))
 

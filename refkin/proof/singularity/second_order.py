@@ -16,8 +16,9 @@ from refkin.system import System
 
 ROUNDS = 24
 """How often rows and columns are balanced in turn: a factor 2^24 between neighbours is gone by then."""
-FAR = 1e-2
-"""How far a motion is followed to see whether it goes on, in the largest coordinate."""
+FAR, STEPS, MOST_CORRECTIONS = 1e-2, 8, 12
+"""How far a motion is followed to see whether it goes on, in the largest coordinate; in how many steps, as links that
+are short for the mechanism turn far meanwhile; and how often each is corrected."""
 
 
 @dataclass(frozen=True)
@@ -214,9 +215,14 @@ def advances(system: System, q: Any, t: float, direction: Any) -> bool:
     direction : (n,) array
         A null vector of phi_q there.
     """
-    step = direction / np.max(np.abs(direction)) * FAR
-    x = q + step
-    for _ in range(12):
-        x = x - np.linalg.pinv(system.phi_q(x, t), rcond=1e-6) @ system.phi(x, t)
-    away = np.abs(x - q)
-    return bool(closes(system, x, t) and np.max(away) > FAR / 2 and np.max(np.abs(x - q - step)) < FAR / 2)
+    step, way = direction, FAR / STEPS
+    for _ in range(STEPS):
+        step = step / np.max(np.abs(step)) * way
+        x = q + step
+        for _ in range(MOST_CORRECTIONS):
+            x = x - np.linalg.pinv(system.phi_q(x, t), rcond=1e-6) @ system.phi(x, t)
+        away, off = np.max(np.abs(x - q)), np.max(np.abs(x - q - step))
+        if not (off < way / 2 < away and closes(system, x, t)):
+            return False
+        q, step = x, x - q
+    return True
