@@ -27,6 +27,7 @@ from refkin.proof.path.curve import MISSING
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64, Isolation
 from refkin.proof.pose.krawczyk import Enclosure
+from refkin.proof.singularity.diagnosis import NEAR as NEARLY_SINGULAR
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size, said_if_long
@@ -349,10 +350,15 @@ class _Answer:
             self.radius.position[at] += np.max(output_rounding(self.system, q), axis=0)
 
     def explain(self) -> None:
-        """Say of the first singular pose what it is."""
+        """Say of the first singular pose what it is; else of the first that but rounding of the numbers isolates."""
         if Status.SINGULAR in self.status:
             k = self.status.index(Status.SINGULAR)
             self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
+            return
+        by_rounding = np.flatnonzero(self.condition * self.system.n * EPS >= 1.0).tolist()
+        for k in [k for k in by_rounding if self.status[k] is Status.OK][:1]:
+            found = diagnose_scaled(self.system, self.q[:, k], float(self.t[k]))
+            self.messages.append(f"at t = {self.t[k]:g} {found.message}" if found.sigma < NEARLY_SINGULAR else "")
 
     def prove_impossible(self, assembled: Callable[[float], Assemblies]) -> None:
         """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; say what is missing.

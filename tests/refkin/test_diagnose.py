@@ -264,6 +264,38 @@ def test_links_that_are_short_for_the_mechanism_turn_far_while_a_motion_is_follo
     assert (found.kind, found.bodies) == (PoseKind.IDLE, ("plate",))
 
 
+@pytest.mark.parametrize("angle", [2.9, -1.0])
+def test_a_root_far_away_that_rounding_makes_is_not_that_of_a_pose_where_no_driver_holds_the_slider(angle):
+    """It is 713 m away, or 0.6: a guide that is level by the axis' numbers, at a height that drivers hold."""
+    c, s = math.cos(angle), math.sin(angle)
+    place = (c - 0.5 * s, s + 0.5 * c)
+    slide = {"point_i": (1.0, 0.5), "axis_i": (c, -s), "angle": -angle}
+    joints = (
+        pin("pin", GROUND, (0.0, 0.0), "arm", (0.0, 0.0)),
+        Prismatic(name="slide", body_i="arm", body_j="slider", point_j=(0.0, 0.0), **slide),
+    )
+    drivers = (driven(AngleDriver, "turn", angle, body="arm"), driven(YDriver, "lift", place[1], body="slider"))
+    bodies = (Body(name="arm", estimate=(0.0, 0.0, angle)), Body(name="slider", estimate=(*place, 0.0)))
+    scene = Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,))
+    found = refkin.diagnose(scene, (0.0, 0.0, angle, *place, 0.0))
+
+    assert (found.kind, found.bodies) == (PoseKind.IDLE, ("slider",))
+    assert "nearly singular" in (said := refkin.solve(scene).message)
+    assert "idle motion: with the drivers held slider can still move" in said
+
+
+def test_a_pose_is_not_said_to_be_alone_where_solve_says_that_it_is_singular():
+    """Other rows of the redundant ones may say something else there: `redundant rows that agree` explained it."""
+    scene = three_cranks(0.0)
+    bodies = [replace(b, estimate=(*b.estimate[:2], 0.3)) for b in scene.mechanism.bodies]
+    drivers = (driven(AngleDriver, "motor", 0.3 + 1e-8, body="first"),)
+    motion = refkin.solve(remade(scene, bodies=bodies, drivers=drivers))
+
+    assert motion.status[0] is Status.SINGULAR
+    assert "redundant rows: " not in motion.message
+    assert PoseKind.HIGHER.value in motion.message
+
+
 def test_redundant_rows_are_those_of_the_parallel_cranks():
     diagnosis = refkin.diagnose(three_cranks(0.0))
 

@@ -30,7 +30,7 @@ from refkin.joints import SPACE
 from refkin.proof.numbers.bounded import Extended, Times, bounded_system, box, off_by, product, read
 from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses, left_out
 from refkin.proof.pose.certificate import certify, unique_within
-from refkin.proof.pose.isolate import Isolation, isolate
+from refkin.proof.pose.isolate import NEAR, Isolation, isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 
@@ -50,8 +50,6 @@ DEPENDENT = 2.0**-40
 """Determinant, largest over the poses, up to which rows depend on each other: far more than rounding leaves of 0."""
 LOOKED_AT = 16
 """Poses at which that is asked."""
-NEAR = 2.0**-10
-"""Distance up to which the pose of another choice is one of the same assembly [sizes, rad]."""
 
 
 Answers = tuple[Any, ...]

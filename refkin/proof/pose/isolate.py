@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from flint import ctx
 
+from refkin.analysis import sigma_min
+from refkin.motion import SINGULAR
 from refkin.proof.numbers.inputs import contradiction, rate_contradiction
 from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.numbers.recentred import Recentred, recentred
@@ -21,6 +23,9 @@ BLURRED, BLURRED_RATE = 2.0**-36, 2.0**-26
 """Bounds of errors beyond which balls take over from float64: of a position, and of a rate in units of its size."""
 FAR = 64.0
 """Distance of a frame from the joints, in sizes, beyond which they do likewise: errors grow as its square."""
+NEAR = 2.0**-10
+"""Distance [sizes, rad] up to which a root that a nearly singular pose leads to is its own, and that of another choice
+of rows one of the same assembly."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         enclosure = _in_moved_frames(frames, q[:, sample], t[sample])
         if enclosure is None:
             enclosure = krawczyk(system, q[:, sample], t[sample], BITS)
-        if enclosure is not None:
+        if enclosure is not None and _is_its_own(enclosure, q[:, sample]):
             levels = [None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)]
             _by_balls(isolation, sample, enclosure, levels)
     if qd is not None:
@@ -119,6 +124,12 @@ def are_sharp(bounds: Sequence[Any], levels: Sequence[Any]) -> Any:
         if rate is not None:
             sharp = sharp & (bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0)))
     return sharp
+
+
+def _is_its_own(root: Enclosure, q: Any) -> bool:
+    """Whether a root is that of the pose that led to it: of what no driver holds rounding makes one, anywhere."""
+    near = bool(np.max(root.distance(q)) <= NEAR)
+    return near or sigma_min(root.system.held_at(q).phi_q(q, root.t)) > SINGULAR
 
 
 def _in_moved_frames(frames: Recentred, q: Any, t: float) -> Enclosure | None:

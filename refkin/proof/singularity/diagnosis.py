@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import sigma_min
 from refkin.joints import GROUND, SPACE
-from refkin.motion import Array
+from refkin.motion import SINGULAR, Array
 from refkin.proof.numbers.inputs import contradiction
 from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.proof.numbers.recentred import Recentred, recentred
-from refkin.proof.pose.isolate import isolate
+from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.proof.singularity.second_order import advances, balanced, cone, elsewhere
 from refkin.system import System
@@ -117,8 +118,17 @@ def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:
     for _ in range(3):  # to round-off, by the shortest corrections: Newton's may be long here
         polished = polished - np.linalg.pinv(inner.phi_q(polished, t), rcond=VANISHING) @ inner.phi(polished, t)
     pose = _Examination(frames, polished, t)
-    # The test that gives a pose its status, of the same numbers: a polished pose may be alone where they leave it open.
-    return pose.isolated() if isolate(system, q[:, None], [t]).ok[0] else pose.singular()
+    return pose.isolated() if _is_alone(system, q, t) else pose.singular()
+
+
+def _is_alone(system: System, q: Any, t: float) -> bool:
+    """Whether a pose passes the test that gives it its status: of these numbers, a polished pose may where they do not.
+
+    Where it is nearly singular, other rows of the redundant ones have to be known to say the same.
+    """
+    proof = isolate_every_choice(system, q[:, None], [t])
+    bounded = np.isfinite(proof.position[0]) or sigma_min(system.held_at(q).phi_q(q, t)) > SINGULAR
+    return bool(proof.ok[0] and bounded)
 
 
 class _Examination:
