@@ -6,6 +6,7 @@ beforehand: what takes long says so while it is under way.
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from refkin.errors import Fault, InvalidScene
+from refkin.joints.annotations import check
 from refkin.model import Scene
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.solving.passages import OFTEN
@@ -51,13 +53,15 @@ def check_size(scene: Scene) -> None:
     ------
     InvalidScene
         With what it would take, and how the limits are raised.
+    InvalidRequest
+        If they are raised by what is no number above 0.
     """
     mechanism, times = scene.mechanism, len(scene.times)
     kind, bodies = mechanism.kind, mechanism.bodies
     rows = sum(c.rows for c in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)))
     columns = kind.width * len(bodies) + sum(c.parameters for c in mechanism.constraints)
     size, seconds = 8.0 * rows * columns * times, FLOPS * SECONDS_PER_FLOP * rows * columns**2 * times
-    factor = float(os.environ.get(VARIABLE, "1"))
+    factor = _factor()
     if size > factor * MOST_BYTES or seconds > factor * MOST_SECONDS:
         needed = max(size / MOST_BYTES, seconds / MOST_SECONDS)
         expected = (
@@ -66,6 +70,17 @@ def check_size(scene: Scene) -> None:
             "for fewer times"
         )
         raise InvalidScene([Fault("body", len(mechanism.bodies), expected)], scene.name)
+
+
+def _factor() -> float:
+    """Return by how much the limits are raised."""
+    given = os.environ.get(VARIABLE, "1")
+    try:
+        factor = float(given)
+    except ValueError:
+        factor = math.nan
+    check(VARIABLE, "a number above 0", given, factor > 0.0)
+    return factor
 
 
 @dataclass

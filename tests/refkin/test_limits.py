@@ -11,7 +11,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
-from refkin.errors import InvalidScene
+from refkin.errors import InvalidRequest, InvalidScene
 from refkin.scenes.linkages import RSSP
 from refkin.solving import limits
 from refkin.solving.limits import check_size, said_if_long
@@ -45,6 +45,15 @@ def test_a_chain_of_twenty_thousand_bodies_is_refused_in_a_second_with_what_it_w
         solving(scene)
 
     assert time.process_time() - start < 5.0
+
+
+@pytest.mark.parametrize("given", ["much", "", "nan", "0", "-1"])
+def test_limits_are_raised_by_a_number_alone(given, monkeypatch):
+    """A word was an error of Python, and no number no limit."""
+    monkeypatch.setenv(limits.VARIABLE, given)
+
+    with pytest.raises(InvalidRequest, match=f"REFKIN_LIMIT: expected a number above 0, got '{given}'"):
+        refkin.solve(chain(2))
 
 
 @pytest.mark.parametrize("made", ["chain", "redundant", "space", "cam"])
