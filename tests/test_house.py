@@ -81,8 +81,8 @@ def test_the_reference_is_read_in_one_sitting():
     joints = [path for path in sources("refkin/joints") if path.name not in LATER]
     of_space = [path for path in joints if path.name.startswith("spatial")]
 
-    assert lines(spine) <= 1237
-    assert lines(spine) + lines(joints) - lines(of_space) <= 1983
+    assert lines(spine) <= 1240
+    assert lines(spine) + lines(joints) - lines(of_space) <= 1986
     assert lines(of_space) <= 1106  # the second chapter that may be left for another day: bodies of space
 
 
@@ -90,8 +90,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 62_678
-    assert size["tests"] <= 49_852
+    assert size["refkin"] + size["crosscheck"] <= 62_729
+    assert size["tests"] <= 49_923
 
 
 ALL = ("refkin", "crosscheck", "tests")
