@@ -20,7 +20,7 @@ import cyclopts
 from crosscheck.commands.usage import BAR, Printable, keep_nothing
 from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, UNREAD, USAGE, CannotRun, UsageError
 from refkin import __version__
-from refkin.errors import InvalidScene
+from refkin.errors import InvalidRequest, InvalidScene
 
 COMMANDS = {
     "solve": ("solve:solve", "Solve a scene with the reference."),
@@ -107,7 +107,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = app(given, exit_on_error=False, print_error=True)
     except CannotRun as error:
         code = _ended(error, error.code)
-    except InvalidScene as error:
+    except (InvalidScene, InvalidRequest) as error:
         code = _ended(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE

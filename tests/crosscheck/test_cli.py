@@ -792,6 +792,12 @@ def test_a_terminal_of_no_size_and_a_full_disk_are_no_fault_of_the_command():
         assert (told.returncode, told.stderr) == (4, "No space left on device\n")
 
 
+def test_limits_that_are_no_number_are_told_as_what_was_asked_wrongly(monkeypatch, command):
+    monkeypatch.setenv("REFKIN_LIMIT", "much")
+
+    assert command("solve", GOOD) == (2, "", "REFKIN_LIMIT: expected a number above 0, got 'much'\n")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="of a shell's >&-")
 @pytest.mark.parametrize(
     ("closed", "words", "code", "left"),
