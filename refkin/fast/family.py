@@ -20,7 +20,7 @@ import numpy as np
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.given import Estimates, Geometry, constraints_of, estimates_of, has_rows, rows_in
 from refkin.joints import GROUND, Constraint, Driver, Unit
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import ROUNDED, Body, Mechanism, Scene
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid
 from refkin.proof.numbers.exact import by_parts
 from refkin.proof.numbers.extrema import derivative, drives_a_distance, extrema, extrema_of, zeros
@@ -166,7 +166,9 @@ def _unit(constraints: tuple[Constraint, ...], size: int) -> Unit:
     for on in points.values():
         for k, a in enumerate(on):
             for b in on[:k]:
-                largest = np.fmax(largest, np.hypot(np.subtract(a[0], b[0]), np.subtract(a[1], b[1])))
+                apart = np.hypot(np.subtract(a[0], b[0]), np.subtract(a[1], b[1]))
+                told = apart > ROUNDED * np.fmax(np.abs(a[0]), np.abs(a[1]))
+                largest = np.fmax(largest, np.where(told, apart, 0.0))
     for constraint in constraints:
         largest = np.fmax(largest, _reach(constraint, size))
     mantissa, exponent = np.frexp(largest)
