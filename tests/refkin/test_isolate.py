@@ -26,9 +26,9 @@ from .test_redundant import ring
 # A bar on a pivot, the x of its tip given: x = cos phi, with the roots +-phi, which meet at x = 1.
 
 
-def bar(x: float) -> System:
-    tip = XDriver(name="tip", body="bar", point=(1.0, 0.0), law=Polynomial(coefficients=(x,)))
-    pivot = Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="bar", point_j=(0.0, 0.0))
+def bar(x: float, far: float = 0.0) -> System:
+    tip = XDriver(name="tip", body="bar", point=(far + 1.0, 0.0), law=Polynomial(coefficients=(x,)))
+    pivot = Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="bar", point_j=(far, 0.0))
     mechanism = Mechanism((Body(name="bar"),), (pivot,), (tip,))
     return compile_system(mechanism, unit=mechanism.unit())
 
@@ -113,6 +113,19 @@ def test_balls_take_over_where_a_frame_is_far_from_its_joints(far: float, bits: 
     q = np.array([[-far * np.cos(0.5)], [-far * np.sin(0.5)], [0.5]])
 
     assert isolate(system, q, [0.0]).bits == [bits]
+
+
+@pytest.mark.parametrize("off", [0.8, 0.9, 1.1, 1.2, 1.23])
+@pytest.mark.parametrize("far", [0.0, 2.0**23])
+def test_beside_a_fold_a_root_is_known_and_its_own_however_far_off_and_wherever_the_frame_is(far, off) -> None:
+    """One of a wide box was left as wide, and rates had no digits; a frame far away made a hair a long way."""
+    system, phi = bar(1 - 2.0**-50, far), 2 * np.arcsin(np.sqrt(2.0**-51))
+    turned = off * phi
+    proof = isolate(system, [[-far * np.cos(turned)], [-far * np.sin(turned)], [turned]], [0.0])
+
+    assert proof.ok[0]
+    assert max(float(x.rad()) for x in proof.enclosures[0].q) < 1e-15
+    assert proof.enclosures[0].with_rates(2)[2]
 
 
 def test_one_bad_sample_spoils_no_other() -> None:

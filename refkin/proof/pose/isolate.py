@@ -102,10 +102,8 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     sharp = are_sharp((isolation.position, isolation.velocity, isolation.acceleration), (q, qd, qdd))
     sharp &= frames.furthest <= FAR
     for sample in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
-        enclosure = _in_moved_frames(frames, q[:, sample], t[sample])
-        if enclosure is None:
-            enclosure = krawczyk(system, q[:, sample], t[sample], BITS)
-        if enclosure is not None and _is_its_own(enclosure, q[:, sample]):
+        enclosure = _root(frames, q[:, sample], t[sample])
+        if enclosure is not None:
             levels = [None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)]
             _by_balls(isolation, sample, enclosure, levels)
     if qd is not None:
@@ -126,25 +124,34 @@ def are_sharp(bounds: Sequence[Any], levels: Sequence[Any]) -> Any:
     return sharp
 
 
+def _root(frames: Recentred, q: Any, t: float) -> Enclosure | None:
+    """Return the root that a pose leads to; None if it is not proved, or not its own.
+
+    Both are asked in frames near the joints where some are far away: turning a body there shifts it as well.
+    """
+    moved = frames.inward(q)
+    root = krawczyk(frames.inner, moved, t, BITS)
+    if root is not None:
+        return _outward(frames, root, q) if _is_its_own(root, moved) else None
+    root = krawczyk(frames.system, q, t, BITS) if frames.shifts.any() else None
+    return root if root is not None and _is_its_own(root, q) else None
+
+
 def _is_its_own(root: Enclosure, q: Any) -> bool:
     """Whether a root is that of the pose that led to it: of what no driver holds rounding makes one, anywhere."""
     near = bool(np.max(root.distance(q)) <= NEAR)
     return near or sigma_min(root.system.held_at(q).phi_q(q, root.t)) > SINGULAR
 
 
-def _in_moved_frames(frames: Recentred, q: Any, t: float) -> Enclosure | None:
-    """Return the root, proved in frames near the joints where some are far away; None if none are, or it is not proved.
-
-    The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
-    """
-    enclosure = krawczyk(frames.inner, frames.inward(q), t, BITS) if frames.shifts.any() else None
-    if enclosure is None:
-        return None
+def _outward(frames: Recentred, root: Enclosure, q: Any) -> Enclosure:
+    """Return a root that a pose leads to in moved frames as one in the given ones."""
+    if not frames.shifts.any():
+        return root
     with ctx.workprec(BITS):
-        root = tuple(frames.outward(objects(enclosure.q)))
+        place = tuple(frames.outward(objects(root.q)))
     # All that is closer in the given coordinates is in the box: shifts turn with the angles.
-    radii = enclosure.radii / (1.0 + np.sum(np.abs(frames.shifts)))
-    return Enclosure(frames.system.held_at(q), t, BITS, root, radii, enclosure.rows)
+    radii = root.radii / (1.0 + np.sum(np.abs(frames.shifts)))
+    return Enclosure(frames.system.held_at(q), root.t, BITS, place, radii, root.rows)
 
 
 def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, levels: list[Any]) -> None:

@@ -262,6 +262,7 @@ class BallEquations:
 
     def narrowed(self, root: list[Any]) -> tuple[Any, ...]:
         """Return balls that enclose a root as narrowly as the precision allows."""
+        enough = arb(2) ** -(ctx.prec // 2)  # the first steps in a wide box gain little, each more than the last
         for _ in range(MOST_STEPS):
             middle = [x.mid() for x in root]
             image = self.image(middle, [x - m for x, m in zip(root, middle, strict=True)])
@@ -269,7 +270,8 @@ class BallEquations:
                 break
             before = max(x.rad() for x in root)
             root = [x.intersection(m + y) for x, m, y in zip(root, middle, image, strict=True)]
-            if not max(x.rad() for x in root) < before / 2:
+            size = max(x.rad() for x in root)
+            if not size < (before / 2 if size < enough else before):
                 break
         return tuple(root)
 
