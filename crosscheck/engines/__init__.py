@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -454,4 +455,10 @@ def terms_of(engine: Engine, *asked: Any) -> Sequence[Term]:
     """Return an engine's error terms of a scene, perhaps by one route; EngineError if they are of another form."""
     terms = engine.terms(*asked)
     all_of(engine, "terms", terms, Term)
+    levels = (*QUANTITIES, *(level for level in Level if level is not Level.SOLVE))
+    for term in terms:
+        sizes = (term.absolute, term.relative, term.of_rates)
+        if term.level not in levels or not all(isinstance(size, Real) for size in sizes):
+            said = f"numbers at a level of {', '.join(levels)}, got {sizes} at {term.level!r}"
+            raise EngineError(f"engine {engine.name!r}: terms(): expected of {term.name!r} {kept(said)}")
     return terms

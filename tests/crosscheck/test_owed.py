@@ -150,6 +150,15 @@ def test_terms_of_another_form_are_no_answer_and_named_by_what_they_are(terms):
     assert not record.answers
 
 
+@pytest.mark.parametrize("given", [{"level": "positon"}, {"level": "solve"}, {"relative": "1e-14"}, {"of_rates": None}])
+def test_a_term_of_no_level_or_number_is_named_and_not_passed_over(given):
+    term = Term(**{"name": "own", "level": "position", "reason": "", **given})
+    (fault,) = check(SCENE, [Wrapped(terms=[term])]).disagreements
+
+    assert fault.kind == Cause.NO_ANSWER
+    assert "terms(): expected of 'own' numbers at a level of position, velocity, acceleration, " in fault.message
+
+
 def test_numbers_too_large_for_any_equation_blame_no_joint_and_warn_nobody():
     small = FourBar(ground=0.4, crank=0.1, coupler=0.35, rocker=0.3).scene(samples=9)
     record = check(small, [Wrapped(lambda motion: replace(motion, q=motion.q + 1e308))])
