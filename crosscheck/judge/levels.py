@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, refused_joints
+from crosscheck.engines import ConstraintModel, Engine, EngineError, Level, Support, Term, refused, refused_joints
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
+from crosscheck.errors import kept
 from crosscheck.judge.budget import BOTH_SIDES
 from crosscheck.judge.delivery import ABSOLUTE
 from crosscheck.judge.records import At
@@ -137,6 +138,24 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     return samples
 
 
+def expect_model(engine: Engine, model: Any, mechanism: Mechanism) -> None:
+    """Raise EngineError unless what an engine's `constraints` returned is a `ConstraintModel` of a mechanism.
+
+    Parameters
+    ----------
+    engine, model, mechanism : Engine, ConstraintModel, Mechanism
+    """
+    who = f"engine {engine.name!r}: constraints()"
+    lacking = [key for key in ("rows", "owns_driver", *LEVELS) if not hasattr(model, key)]
+    if lacking:
+        got = f"{type(model).__name__} without {', '.join(lacking)}"
+        raise EngineError(f"{who}: expected a {ConstraintModel.__module__}.ConstraintModel, got a {got}")
+    known = {(e.name, e.row + k) for e in elements_of(mechanism.constraints) for k in range(e.rows)}
+    strange = [f"row {m.row} of {m.constraint}" for m in model.rows if (m.constraint, m.row) not in known]
+    if strange:
+        raise EngineError(f"{who}: the scene has no {kept(', '.join(strange))}")
+
+
 def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
     """Return the rows, by name, that a model does not have exactly once although the engine's table has their element.
 
@@ -238,6 +257,10 @@ def _compare_at(
         Level.CONSTRAINT_VELOCITY: lambda: model.constraint_velocity(at.q, at.qd, at.t),
         Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
     }[level]()
+    needed = (1 + max(m.engine_row for m in maps), *np.shape(expected)[1:])
+    if not (isinstance(theirs, np.ndarray) and theirs.shape[1:] == needed[1:] and len(theirs) >= needed[0]):
+        got = np.shape(theirs) if isinstance(theirs, np.ndarray) else type(theirs).__name__
+        raise EngineError(f"own rows, {level}: expected an array of shape {needed} or with more rows, got {got}")
     of_level = [term for term in terms if term.level == level]
     if of_level:
         sizes = np.array([at.sizes[m.either][level] for m in maps])

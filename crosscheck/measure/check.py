@@ -24,7 +24,15 @@ from crosscheck.errors import kept
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference, worst_at
 from crosscheck.judge.delivery import ABSOLUTE, excuse, granted, misshapen, undelivered
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
-from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows, without_form
+from crosscheck.judge.levels import (
+    LEVELS,
+    Configuration,
+    compare_levels,
+    configurations,
+    expect_model,
+    missing_rows,
+    without_form,
+)
 from crosscheck.judge.points import points_off
 from crosscheck.judge.records import (
     QUANTITIES,
@@ -414,6 +422,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         return
     try:
         model = engine.constraints(scene)
+        expect_model(engine, model, scene.mechanism)
         try:
             missing = missing_rows(engine, model, scene.mechanism)
             of_rows = [term for term in terms_of(engine, scene) if term.level in LEVELS]
@@ -422,7 +431,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             levels = compare_levels(engine, model, scene.mechanism, at, terms)
             part.refusals += _of_other_forms(engine, scene, getattr(model, "form", ""))
         finally:
-            model.close()
+            getattr(model, "close", bool)()
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -243,3 +244,32 @@ def test_of_scenes_that_a_night_knows_well_rows_are_compared_in_one_of_four_and_
     assert known == [int(key_of(scene), 16) % 4 == 0 for scene in scenes]
     assert 2 < sum(known) < 16
     assert check(scenes[known.index(False)], ["pinocchio"], {}).levels
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda rows: None, "got a NoneType without rows, owns_driver, residual, jacobian, constraint_velocity, drift"),
+        (lambda rows: vars(rows).pop("owns_driver") and rows, "got a SimpleNamespace without owns_driver"),
+        (lambda rows: rows.change(residual=lambda q, t: [0.0]), "own rows, residual: expected an array of shape (3,)"),
+        (lambda rows: rows.change(jacobian=lambda q, t: np.zeros((3, 2))), "or with more rows, got (3, 2)"),
+        (
+            lambda rows: rows.change(drift=lambda q, qd, t: np.zeros(2)),
+            "own rows, drift: expected an array of shape (3,)",
+        ),
+        (
+            lambda rows: rows.change(rows=[replace(m, constraint="pin") for m in rows.rows]),
+            "the scene has no row 0 of pin, row 1 of pin",
+        ),
+    ],
+)
+def test_rows_of_another_form_are_named_by_what_they_are(monkeypatch, spoil, said):
+    engine = load("mujoco")
+    model = engine.constraints(lever())
+    rows = SimpleNamespace(owns_driver=True, rows=model.rows, **{k: getattr(model, k) for k in LEVELS})
+    rows.change = lambda **new: vars(rows).update(new) or rows
+    monkeypatch.setattr(engine, "constraints", lambda scene: spoil(rows))
+    told = [fault.message for fault in check(lever(), [engine]).disagreements if fault.method == "rows"]
+
+    assert len(told) == 1
+    assert said in told[0]
