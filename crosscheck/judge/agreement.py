@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term
+from crosscheck.engines import EngineError, Term
+from crosscheck.engines.methods import floats
 from crosscheck.errors import kept
 from crosscheck.judge.budget import ErrorBudget, times_with
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
@@ -94,8 +95,8 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
                 raise RefkinError(f"{body}: no coordinate is called {name!r}; there are: {known}")
             expected = f"{body}.{name}: expected {len(t)} values, one per time, got"
             try:
-                column = np.asarray(values, float)
-            except (TypeError, ValueError) as error:
+                column = floats(values)
+            except (TypeError, ValueError, EngineError) as error:
                 raise RefkinError(f"{expected} {kept(repr(values))}") from error
             if column.shape != t.shape:
                 raise RefkinError(f"{expected} shape {column.shape}")

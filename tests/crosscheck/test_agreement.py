@@ -207,7 +207,7 @@ def test_what_cannot_be_compared_is_no_agreement():
         crosscheck.assert_agrees({"rocker": {"phiddd": np.zeros(9)}}, FOUR_BAR)
     with pytest.raises(RefkinError, match="expected 9 values, one per time"):
         crosscheck.assert_agrees({"rocker": {"phi": np.zeros(8)}}, FOUR_BAR)
-    for no_numbers in (["a"] * 9, [[0.0], 1.0], None, {}):
+    for no_numbers in (["a"] * 9, [[0.0], 1.0], None, {}, np.array(refkin.solve(FOUR_BAR)["rocker"].phi) + 1j):
         with pytest.raises(RefkinError, match=r"rocker\.phi: expected 9 values, one per time, got "):
             crosscheck.assert_agrees({"rocker": {"phi": no_numbers}}, FOUR_BAR)
 
