@@ -200,12 +200,14 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
     if not asked["cycle"].of(method):
         pipe.send(("refused", method.key, "it goes from one time to the next, and there is one alone"))
         return None
-    try:
-        took = min(turn(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
-        answer["build"] = took if method.build else None  # an engine that is asked anew builds in every call
-    except EngineError as error:
-        pipe.send(("refused", method.key, str(error)))
+    took = told_if_raised(_built, method, asked["cycle"])
+    if isinstance(took, str):
+        pipe.send(("refused", method.key, took))
         return None
+    if isinstance(took, Failure):
+        pipe.send(("failed", method.key, answer, took.text))
+        return None
+    answer["build"] = took if method.build else None  # an engine that is asked anew builds in every call
     for poses in ("cycle", "one"):
         if poses in asked:
             digits = told_if_raised(_tried, run, poses, asked[poses])
@@ -216,6 +218,14 @@ def _answered(method: Method, asked: Mapping[str, PriceQuestion], order: int, pi
     run.look()
     pipe.send(("answered", method.key, {**answer, "highest": run.order}))
     return run
+
+
+def _built(method: Method, question: PriceQuestion) -> float | str:
+    """Return how long a model takes to be built [s], or why the method refuses it."""
+    try:
+        return min(turn(partial(method.model, question.of(method)[0][0])) for _ in range(BUILDS))
+    except EngineError as error:
+        return str(error)
 
 
 def _tried(run: _Run, poses: str, question: PriceQuestion) -> Digits | Failure:

@@ -49,6 +49,7 @@ class MadeUp(Listing):
         yield made("gap", "-", _with_a_gap)
         yield replace(made("stale", "-", _moved), build=_stale)
         yield made("raises", "-", _raises)
+        yield replace(made("raises while it builds", "-", _raises), build=lambda scene: _raises(scene, 0))
         yield made("ends", "-", lambda scene, order: _refuses(scene))
         yield made("crashes", "-", _crashes)
         yield made("position alone", "-", partial(_moved, 0.0), highest=0)

@@ -124,7 +124,14 @@ def test_a_time_without_an_answer_leaves_no_digits(made_up):
     assert "no answer at 1 of 5 times" in row.note
 
 
-@pytest.mark.parametrize(("route", "told"), [("crashes", "SIGSEGV"), ("raises", "ValueError: no such thing")])
+@pytest.mark.parametrize(
+    ("route", "told"),
+    [
+        ("crashes", "SIGSEGV"),
+        ("raises", "ValueError: no such thing"),
+        ("raises while it builds", "ValueError: no such thing"),
+    ],
+)
 def test_a_method_that_fails_is_a_row_that_says_how_and_costs_no_other_its_price(made_up, route, told):
     row = row_of(made_up, route)
 
