@@ -431,7 +431,8 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             levels = compare_levels(engine, model, scene.mechanism, at, terms)
             part.refusals += _of_other_forms(engine, scene, getattr(model, "form", ""))
         finally:
-            getattr(model, "close", bool)()
+            if hasattr(model, "close"):
+                model.close()
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene):

@@ -175,4 +175,6 @@ def test_the_quarter_of_a_linkages_times_is_the_one_that_is_nearest_to_a_singula
         assert few.status == whole.status[first : first + len(part.times)]
         gap = (few.q - whole.q[:, first : first + len(part.times)]) / one.scene.mechanism.size()
         assert np.abs(gap.reshape(-1, 3, len(part.times))[:, :2]).max() < 1e-6
+        estimates = np.array([body.estimate[:2] for body in part.mechanism.bodies])
+        assert np.abs(estimates - few.q[:, 0].reshape(-1, 3)[:, :2]).max() < 0.0051 * longest(one.linkage)
     assert {one.scene.times.index(shortened(one).times[0]) for one in drawn} > {54}
