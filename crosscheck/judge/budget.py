@@ -57,6 +57,8 @@ CORRECTIONS = 4
 """Corrections to a pose whose residual changes J by less than `TENTH`: by one J, its fourth power is left of it."""
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
+AT_ONCE = 1_000_000
+"""About so many entries of J are computed at once."""
 
 
 @dataclass(frozen=True)
@@ -199,21 +201,8 @@ class Propagation:
         left = BOTH_SIDES * self.e[0][:, here]
         for term in (term for term in terms if term.level == QUANTITIES[0]):
             left = left + (BOTH_SIDES if term.form else 1.0) * (term.absolute + term.relative * self.size[0][:, here])
-        levels, places, system = budget.levels.copy(), self.samples[here], self.system.held_at(q)
-        slope, first = system.phi_q(q, t), levels[..., places]
-        inverse, more = np.moveaxis(_inverse(slope), 0, -1), np.zeros_like(first)
-        middle = _solved(system, inverse, q, 0.0 * left, t)
-        directions = _directions(system, slope)
-        alike, moves = np.tile(q, len(directions)), np.einsum("nmt,kmt->nkt", inverse, directions * left)
-        moving = alike + 1j * STEP * moves.reshape(len(q), -1)  # of all at once
-        linear = np.imag(_rated(self.system.held_at(alike), moving, np.tile(t, len(directions)))) / STEP
-        linear = np.moveaxis(linear.reshape(3, *moves.shape), 2, 0)
-        for signs, moved in zip(directions, linear, strict=True):
-            ends = np.array([_solved(system, inverse, q, sign * signs * left, t) for sign in (1.0, -1.0)])
-            off = np.max(np.abs(ends[:, 0] - middle[0]), axis=(0, 1))
-            near = off <= BOTH_SIDES * np.max(first[0], axis=0)  # of the same assembly
-            off = np.max(np.abs([ends[0] - middle - moved, ends[1] - middle + moved]), axis=0)
-            more = np.fmax(more, np.where(near, off, 0.0))
+        levels, places = budget.levels.copy(), self.samples[here]
+        more = _beyond_first(self.system, q, left, t, BOTH_SIDES * np.max(levels[0][:, places], axis=0))
         levels[..., places] += np.where(more > TENTH * self.both[..., here], more, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
 
@@ -362,6 +351,29 @@ def _stacked(matrices: Any) -> Any:
 def _stepped(x: Any) -> Any:
     """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
     return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+
+
+def _beyond_first(system: System, q: Any, left: Any, t: Any, within: Any) -> Any:
+    """Return what residuals (m, T) make of the levels (3, n, T) beyond first order: see `Propagation.second_order`.
+
+    Where they move a pose by more than `within` (T,) it is one of another assembly.
+    """
+    held = system.held_at(q)
+    slope = held.phi_q(q, t)
+    inverse = np.moveaxis(_inverse(slope), 0, -1)
+    middle, more = _solved(held, inverse, q, 0.0 * left, t), np.zeros((3, *q.shape))
+    directions = _directions(system, slope)
+    for signs in np.array_split(directions, 1 + directions.size * len(q) // AT_ONCE):
+        alike, at, stacked = (np.tile(x, len(signs)) for x in (q, t, inverse))
+        held, residual = system.held_at(alike), np.moveaxis(signs * left, 0, 1).reshape(len(left), -1)
+        linear = np.imag(_rated(held, alike + 1j * STEP * times(stacked, residual), at)) / STEP
+        ends = (_solved(held, stacked, alike, residual, at), _solved(held, stacked, alike, -residual, at))
+        first, second = (end.reshape(3, len(q), len(signs), len(t)) - middle[:, :, None] for end in ends)
+        linear = linear.reshape(first.shape)
+        near = np.maximum(*(np.max(np.abs(off[0]), axis=0) for off in (first, second))) <= within
+        off = np.maximum(np.abs(first - linear), np.abs(second + linear))
+        more = np.fmax(more, np.fmax.reduce(np.where(near, off, 0.0), axis=2))
+    return more
 
 
 def _directions(system: System, slope: Any) -> Any:
