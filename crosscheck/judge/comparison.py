@@ -244,6 +244,8 @@ def scales(levels: Sequence[Any], order: int, rests: Any) -> Any:
     velocity, level = (np.max(np.abs(levels[k]), axis=0) for k in (1, order))
     largest = np.maximum(level, velocity**order)
     still = rests[order] | (largest == 0.0)
+    if not still.any():
+        return largest
     moving = largest[~still & np.isfinite(largest)]
     return np.where(still, np.median(moving) if moving.size else 1.0, largest)
 

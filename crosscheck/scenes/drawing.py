@@ -19,6 +19,7 @@ from functools import cache
 from typing import Any
 from unittest import mock
 
+import numpy as np
 from hypothesis import HealthCheck, Phase, Verbosity, assume, given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.database import InMemoryExampleDatabase
@@ -282,12 +283,15 @@ def _unevenly(drawn: Drawn) -> Drawn:
 
 
 def shortened(drawn: AnyDrawn) -> Scene | None:
-    """Return a scene at a part of its times, as near to each other as before; None if no part will do.
+    """Return a scene at a part of its times; None if no part will do.
 
     A linkage, whose poses are known in closed form, begins at another of them: it is checked where it is nearest to a
-    singular pose. Of other scenes that keep away from such poses it is the first part.
+    singular pose. What ends on purpose goes all the way to its end, in longer steps. Of other scenes that keep away
+    from singular poses it is the first part.
     """
     scene, few = drawn.scene, math.ceil(len(drawn.scene.times) / PART)
+    if isinstance(drawn, Ended):
+        return replace(scene, times=tuple(np.linspace(scene.times[0], scene.times[-1], few).tolist()))
     if isinstance(drawn, Drawn):
         return drawn.nearest(few)
     plain = drawn.hardness == Hardness.REGULAR and not isinstance(drawn, Featured)

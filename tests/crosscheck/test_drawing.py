@@ -178,3 +178,11 @@ def test_the_quarter_of_a_linkages_times_is_the_one_that_is_nearest_to_a_singula
         estimates = np.array([body.estimate[:2] for body in part.mechanism.bodies])
         assert np.abs(estimates - few.q[:, 0].reshape(-1, 3)[:, :2]).max() < 0.0051 * longest(one.linkage)
     assert {one.scene.times.index(shortened(one).times[0]) for one in drawn} > {54}
+
+
+def test_what_ends_on_purpose_is_checked_at_a_quarter_as_many_times_up_to_its_end():
+    for one in (draw(3, 28 * k + 5) for k in range(8)):
+        part, times = shortened(one), one.scene.times
+
+        assert (part.times[0], part.times[-1], len(part.times)) == (times[0], times[-1], len(times) // 4)
+        assert solve(part).verdict is one.expected
