@@ -58,13 +58,17 @@ def chains_of(system: System) -> Parts:
 
 def _connected(system: System, by: Sequence[ConstraintRows]) -> Parts:
     """Return the parts that some rows connect, with all rows."""
-    first, rows = list(range(system.n)), np.zeros(system.m, int)
-    for p in by:  # numbers are few, and arrays of them slower
-        met = {first[k] for k in _coordinates(system, p)}
-        first = [min(met) if k in met else k for k in first]
-    coordinates = np.unique(first, return_inverse=True)[1]
+    starts = [*range(0, system.of_bodies, system.kind.width), *range(system.of_bodies, system.n)]
+    first = {start: start for start in starts}  # numbers are few, and arrays of them slower
+    for p in by:
+        met = {first[start] for start in p.starts if start is not None}
+        first = {start: min(met) if one in met else one for start, one in first.items()}
+    part = {one: k for k, one in enumerate(sorted({*first.values()}))}
+    coordinates, rows = np.zeros(system.n, int), np.zeros(system.m, int)
+    for start, end in zip(starts, [*starts[1:], system.n], strict=True):
+        coordinates[start:end] = part[first[start]]
     for p in system.placed:
-        own = _coordinates(system, p)
+        own = [start for start in p.starts if start is not None]
         rows[p.row : p.row + p.constraint.rows] = coordinates[own[0]] if own else 0
     return Parts(rows, coordinates)
 
@@ -93,10 +97,3 @@ def by_part(f: Callable[[Any], Any], values: Any, of: Any, to: Any) -> Any:
     """
     made = np.array([f(values[of == k]) for k in range(int(np.max(of)) + 1)])
     return made[to]
-
-
-def _coordinates(system: System, p: ConstraintRows) -> list[int]:
-    """Return the coordinates of the bodies and parameters that stand in the rows of a constraint."""
-    widths = [system.kind.width if k < len(p.constraint.bodies) else 1 for k in range(len(p.starts))]
-    spans = zip(p.starts, widths, strict=True)
-    return [k for start, width in spans if start is not None for k in range(start, start + width)]
