@@ -132,7 +132,7 @@ ELSEWHERE = {
     "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
-    "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
+    "the contact of {} leaves its profile after t = {}": "test_contacts.py: profile",
     "{}; poses of some of the redundant rows contradict others: {} times what rounding explains": (
         "space/test_unseen_scenes.py: nothing_starts"
     ),
