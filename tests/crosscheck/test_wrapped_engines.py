@@ -1,5 +1,7 @@
 """Engines that are right but for one fault, of kinds that nobody's adapter has: a small night sees every one of them.
 
+It draws equal links, too, and scenes that end in a singular pose or in none: who mistakes them is seen.
+
 The night's scenes are drawn as they are in any night, at fewer times; the right answer is that of the closed form. What
 both take of a scene, the reference and that answer, is computed once.
 """
@@ -21,7 +23,8 @@ from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.measure import check as checking
 from crosscheck.night.campaign import run
 from crosscheck.night.plan import NightPlan
-from crosscheck.scenes.drawing import describe, draw
+from crosscheck.scenes.drawing import ENDED, EQUAL, SPECIAL_EVERY, describe, draw
+from refkin.joints import GROUND
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 
@@ -334,3 +337,70 @@ def test_what_raises_an_error_at_a_singular_pose_is_excused_and_elsewhere_not():
     for scene, about in night():
         if about["expected"] == "singular":
             assert kinds(raising, scene, about) == set()
+
+
+NUMBERS = range(0, 10 * SPECIAL_EVERY, SPECIAL_EVERY)
+
+
+@cache
+def ended() -> list[Any]:
+    return [draw(3, number + ENDED, SAMPLES) for number in NUMBERS]
+
+
+@cache
+def equal() -> list[Any]:
+    return [draw(3, number + EQUAL, 3) for number in NUMBERS]
+
+
+def resting(motion: Motion, scene: Scene) -> Motion:
+    """Nothing is ever not ok, and there are no rates."""
+    return replace(believing(motion, scene), qd=None, qdd=None)
+
+
+def confusing(motion: Motion, scene: Scene) -> Motion:
+    """Bodies whose joint points are equally far apart are taken for one another."""
+    points: dict[str, list[complex]] = {body: [] for body in (GROUND, *motion.bodies)}
+    for constraint in scene.mechanism.joints:
+        for body, point in constraint.points():
+            points[body].append(complex(*point))
+    spans = [abs(points[body][0] - points[body][-1]) for body in motion.bodies]
+    first = [next(j for j, other in enumerate(spans) if abs(other - span) <= 1e-6 * span) for span in spans]
+    rows = np.concatenate([np.arange(3 * j, 3 * j + 3) for j in first])
+    return replace(motion, q=motion.q[rows], qd=motion.qd[rows], qdd=motion.qdd[rows])
+
+
+def shown(drawn: Any, fault: Fault = lambda motion, scene: motion) -> set[str]:
+    """Return the kinds of all disagreements where an engine with a fault is asked for a drawn scene."""
+    return {d.kind for d in checking.check(drawn.scene, [Wrapped(fault)], describe(drawn)).disagreements}
+
+
+def test_the_reference_proves_how_each_scene_ends():
+    assert {d.expected for d in ended()} == {Status.SINGULAR, Status.UNASSEMBLABLE}
+    assert [shown(d) for d in ended()] == [set()] * len(NUMBERS)
+
+
+@pytest.mark.parametrize(
+    ("expected", "kind"),
+    [(Status.UNASSEMBLABLE, "ok where there is no assembly"), (Status.SINGULAR, "rates in a singular pose")],
+)
+def test_an_engine_that_says_ok_where_there_is_nothing_fails(expected, kind):
+    of_kind = [d for d in ended() if d.expected is expected]
+
+    assert of_kind
+    assert all(kind in shown(d, believing) for d in of_kind)
+    assert all((kind in shown(d, resting)) is (expected is Status.UNASSEMBLABLE) for d in of_kind)
+
+
+def test_another_verdict_than_the_one_a_scene_was_made_for_is_the_reference_s_disagreement():
+    drawn = ended()[0]
+    value = checking.check(drawn.scene, [], {**describe(drawn), "expected": "ok"}).disagreements
+
+    assert [(d.engine, d.how) for d in value] == [("refkin", drawn.expected.value)]
+
+
+def test_an_engine_that_mistakes_equal_bodies_is_seen_on_equal_links_alone():
+    unequal = [draw(3, number, 3) for number in range(5)]
+
+    assert [shown(d) for d in equal()] == [set()] * len(NUMBERS)
+    assert any(shown(d, confusing) for d in equal())
+    assert not any(shown(d, confusing) for d in unequal)
