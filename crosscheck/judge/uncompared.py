@@ -230,13 +230,14 @@ def opened_beside(
     Parameters
     ----------
     ref, motion, terms
-        As for `Uncompared`; rows that turn with their joints (`Term.form`) are not asked.
+        As for `Uncompared`; rows of another form than the reference's (`Term.form`) are not asked.
     compared : Comparison
         The answer's.
     """
     held = [compared.quantities[q] for q in takewhile(compared.quantities.__contains__, QUANTITIES)]
     here = (ref.sigma_min <= BESIDE) & np.all([quantity.ratio <= 1.0 for quantity in held], axis=0)
-    if not here.any() or any(term.form for term in terms):
+    mechanism = ref.system.mechanism
+    if not here.any() or any(in_form(mechanism, term.form) is not mechanism for term in terms):
         return
     off = [np.nan_to_num(quantity.difference[:, here]) for quantity in held]
     known = np.zeros(ref.system.n, bool)

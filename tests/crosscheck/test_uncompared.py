@@ -282,6 +282,9 @@ def test_beside_a_singular_pose_what_a_budget_allows_opens_no_joint(order):
     assert compare(ref, wrong).agrees
     assert found(scene, lambda motion: wrong, Status.OK) == {(QUANTITIES[order], Cause.UNCLOSED)}
     assert found(scene, lambda motion: right, Status.OK) == set()
+    formed = (Term(name="rule", level="position", reason="", absolute=1e-20, form="half"),)  # the plane has no forms
+    (fault,) = opened_beside(ref, wrong, formed, compare(ref, wrong, formed))
+    assert (fault["quantity"], fault["kind"]) == (QUANTITIES[order], Cause.UNCLOSED)
     with pytest.raises(AssertionError, match=f"{QUANTITIES[order]}: ok where joints are open"):
         crosscheck.assert_agrees(wrong, scene)
 
