@@ -40,6 +40,8 @@ from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, __versi
 
 API = (1, 0)
 Array = NDArray[np.float64]
+FORMS = ("half", "dot", "printed", "")
+"""Of the joints of space; the empty one is that which the mechanism has."""
 
 
 class Level(StrEnum):
@@ -438,6 +440,15 @@ def answered(
     return engine_motion(scene.times, scene.wanted, *called, status, producer, points=moved, **more)
 
 
+UNLIKE = (np.matrix, np.ma.MaskedArray)
+"""Arrays unlike others: rows of a matrix are matrices, and nothing is larger than a masked number, or is not."""
+
+
+def is_plain(value: Any, kinds: str) -> bool:
+    """Return whether a value is an array like others, of numbers of some kinds, as `numpy.dtype.kind` has them."""
+    return isinstance(value, np.ndarray) and not isinstance(value, UNLIKE) and value.dtype.kind in kinds
+
+
 def all_of(engine: Any, key: str, listed: Any, kind: type) -> None:
     """Raise EngineError unless what an engine lists is a list of such.
 
@@ -460,5 +471,8 @@ def terms_of(engine: Engine, *asked: Any) -> Sequence[Term]:
         sizes = (term.absolute, term.relative, term.of_rates)
         if term.level not in levels or not all(isinstance(size, Real) for size in sizes):
             said = f"numbers at a level of {', '.join(levels)}, got {sizes} at {term.level!r}"
+            raise EngineError(f"engine {engine.name!r}: terms(): expected of {term.name!r} {kept(said)}")
+        if term.form not in FORMS:
+            said = f"a form of {', '.join(FORMS[:-1])} or '', got {term.form!r}"
             raise EngineError(f"engine {engine.name!r}: terms(): expected of {term.name!r} {kept(said)}")
     return terms

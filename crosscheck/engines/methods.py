@@ -9,7 +9,7 @@ engine of a user's own appears in every table, and need say no more than its rou
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Set
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -34,6 +34,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.loading import load
 from crosscheck.engines.undisturbed import quiet
+from crosscheck.errors import kept
 from crosscheck.scenes.names import called, called_for, order_of
 from crosscheck.scenes.workloads import AnswerPiece, FourBars, LoopChain, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
@@ -202,7 +203,12 @@ class Method:
         if build is None:
             raise EngineError(f"{self.engine}, {self.name}: made for the benchmark's workloads alone")
         self._refuse(scene)
-        return build(scene)
+        model = build(scene)
+        if not isinstance(model, Model):
+            raise EngineError(
+                f"{self.engine}, {self.name}: build: expected a {__name__}.Model, got {kept(repr(model))}"
+            )
+        return model
 
     def _refuse(self, scene: Scene) -> None:
         """Raise EngineRefusal where the engine's table says so: nobody is asked what he says he has not."""
@@ -222,7 +228,13 @@ class Method:
                 return self.answer(scene)
             bodies = tuple(body.name for body in scene.mechanism.bodies)
             model, order = self.model(scene), min(order_of(scene), self.highest)
-            levels = called_for(scene, model.read(model.solve(order))[: order + 1])
+            read = model.read(model.solve(order))
+            if not (
+                isinstance(read, tuple | list | np.ndarray) and len(read) and all(np.ndim(level) == 2 for level in read)
+            ):
+                expected = f"read: expected a list of arrays (rows, times), got {kept(repr(read))}"
+                raise EngineError(f"{self.engine}, {self.name}: {expected}")
+            levels = called_for(scene, read[: order + 1])
             return motion_of(scene.times, bodies, levels, self.producer)
 
     def terms(self, scene: Scene) -> Sequence[Term]:
@@ -310,6 +322,10 @@ def _listed(engine: str | Engine) -> list[Method]:
         return of_routes(loaded)
     listed = list(loaded.methods())
     all_of(loaded, "methods", listed, Method)
+    for one in listed:
+        if not (isinstance(one.uses, Set) and one.highest in range(3)):
+            said = f"a set of Use, and highest 0 to 2, got {one.uses!r} and {one.highest!r}"
+            raise EngineError(f"engine {loaded.name!r}: methods(): expected of a Method {said}")
     return [replace(one, engine=loaded.name, adapter=loaded) for one in listed]
 
 

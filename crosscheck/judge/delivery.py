@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Level, Term
+from crosscheck.engines import UNLIKE, Level, Term, is_plain
 from crosscheck.errors import kept
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Reference, begun_at
@@ -123,9 +123,10 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
     for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
         if level is None and name != "q":
             continue
-        if isinstance(level, np.matrix) or not (isinstance(level, np.ndarray) and level.dtype.kind == "f"):
-            what = "a numpy.matrix" if isinstance(level, np.matrix) else getattr(level, "dtype", type(level).__name__)
-            yield f"{name}: expected an array of floats, got {what}"  # rows of a matrix are matrices
+        if level is None or not is_plain(level, "f"):
+            kind, other = type(level), isinstance(level, UNLIKE)
+            what = f"a {kind.__module__}.{kind.__name__}" if other else getattr(level, "dtype", kind.__name__)
+            yield f"{name}: expected an array of floats, got {what}"
         elif level.shape != shape:
             yield f"{name} has shape {level.shape}, not {shape}: {width} rows a body"
     known = [b.name for b in scene.mechanism.bodies]

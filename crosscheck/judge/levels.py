@@ -13,11 +13,22 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Engine, EngineError, Level, Support, Term, refused, refused_joints
+from crosscheck.engines import (
+    ConstraintModel,
+    Engine,
+    EngineError,
+    Level,
+    Support,
+    Term,
+    is_plain,
+    refused,
+    refused_joints,
+)
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.errors import kept
@@ -150,6 +161,12 @@ def expect_model(engine: Engine, model: Any, mechanism: Mechanism) -> None:
     if lacking:
         got = f"{type(model).__name__} without {', '.join(lacking)}"
         raise EngineError(f"{who}: expected a {ConstraintModel.__module__}.ConstraintModel, got a {got}")
+    if not (isinstance(model.rows, tuple | list) and all(isinstance(m, RowMap) for m in model.rows)):
+        raise EngineError(f"{who}: rows: expected a list of RowMap, got {kept(repr(model.rows))}")
+    for m in model.rows:
+        if not (isinstance(m.engine_row, int | np.integer) and m.engine_row >= 0 and isinstance(m.factor, Real)):
+            said = "a whole engine_row from 0 on, a real factor"
+            raise EngineError(f"{who}: rows: expected of a RowMap {said}, got {kept(repr(m))}")
     known = {(e.name, e.row + k) for e in elements_of(mechanism.constraints) for k in range(e.rows)}
     strange = [f"row {m.row} of {m.constraint}" for m in model.rows if (m.constraint, m.row) not in known]
     if strange:
@@ -258,7 +275,7 @@ def _compare_at(
         Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
     }[level]()
     needed = (1 + max(m.engine_row for m in maps), *np.shape(expected)[1:])
-    if not (isinstance(theirs, np.ndarray) and theirs.shape[1:] == needed[1:] and len(theirs) >= needed[0]):
+    if not (is_plain(theirs, "fiu") and theirs.shape[1:] == needed[1:] and len(theirs) >= needed[0]):
         got = np.shape(theirs) if isinstance(theirs, np.ndarray) else type(theirs).__name__
         raise EngineError(f"own rows, {level}: expected an array of shape {needed} or with more rows, got {got}")
     of_level = [term for term in terms if term.level == level]

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term
+from crosscheck.engines import Term, is_plain
 from crosscheck.judge.budget import times_with
 from crosscheck.judge.comparison import Comparison, Reference, uncompared
 from crosscheck.judge.poses import all_levels
@@ -68,10 +68,11 @@ def points_off(
     for point in ref.scene.points:
         theirs, ours = motion.points.get(point.name), ref.motion.points[point.name]
         given: dict[str, Any] = {q: getattr(theirs, LEVELS[q], None) for q in owed}
-        shaped = [q for q in owed if np.shape(given[q]) == ours.r.shape]
+        shaped = [q for q in owed if is_plain(given[q], "f") and given[q].shape == ours.r.shape]
         for quantity in owed:
             if quantity not in shaped:
-                yield wrong(quantity, Cause.NOT_DELIVERED, f"point {point.name!r}: expected shape {ours.r.shape}")
+                expected = f"point {point.name!r}: expected an array of floats of shape {ours.r.shape}"
+                yield wrong(quantity, Cause.NOT_DELIVERED, expected)
         composed = point_motion(point.position, *(level[ref.system.columns(point.body)] for level in own))
         of_own = [q for q in shaped if q in whole and point.body in motion.bodies]
         spins = point.body in spinning

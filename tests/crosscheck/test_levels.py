@@ -257,6 +257,17 @@ def test_of_scenes_that_a_night_knows_well_rows_are_compared_in_one_of_four_and_
             lambda rows: rows.change(drift=lambda q, qd, t: np.zeros(2)),
             "own rows, drift: expected an array of shape (3,)",
         ),
+        (lambda rows: rows.change(drift=lambda q, qd, t: np.array(["0"] * 3)), "expected an array of shape (3,) "),
+        (lambda rows: rows.change(rows=None), "rows: expected a list of RowMap"),
+        (lambda rows: rows.change(rows=iter(rows.rows)), "rows: expected a list of RowMap"),
+        (
+            lambda rows: rows.change(rows=[replace(m, engine_row=1.0) for m in rows.rows]),
+            "rows: expected of a RowMap a whole engine_row from 0 on, a real factor",
+        ),
+        (
+            lambda rows: rows.change(rows=[replace(m, factor="2") for m in rows.rows]),
+            "rows: expected of a RowMap a whole engine_row from 0 on, a real factor",
+        ),
         (
             lambda rows: rows.change(rows=[replace(m, constraint="pin") for m in rows.rows]),
             "the scene has no row 0 of pin, row 1 of pin",

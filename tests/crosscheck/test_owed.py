@@ -93,6 +93,10 @@ def test_an_engine_that_is_right_owes_nothing():
             lambda motion: replace(motion, q=motion.q.view(np.matrix)),
             "q: expected an array of floats, got a numpy.matrix",
         ),
+        (
+            lambda motion: replace(motion, qd=np.ma.masked_invalid(motion.qd)),
+            "qd: expected an array of floats, got a numpy.ma.MaskedArray",
+        ),
         (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
         (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
         (lambda motion: replace(motion, q=np.rint(motion.q).astype(int)), "q: expected an array of floats, got int64"),
@@ -148,6 +152,14 @@ def test_terms_of_another_form_are_no_answer_and_named_by_what_they_are(terms):
 
     assert {(fault.kind, fault.message) for fault in record.disagreements} == {("no answer", said)}
     assert not record.answers
+
+
+def test_a_form_that_no_rows_have_is_named():
+    term = Term(name="own", level="position", reason="", form="dots")
+    (fault,) = check(SCENE, [Wrapped(terms=[term])]).disagreements
+
+    assert fault.kind == Cause.NO_ANSWER
+    assert fault.message.endswith("expected of 'own' a form of half, dot, printed or '', got 'dots'")
 
 
 @pytest.mark.parametrize("given", [{"level": "positon"}, {"level": "solve"}, {"relative": "1e-14"}, {"of_rates": None}])

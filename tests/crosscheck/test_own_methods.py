@@ -92,6 +92,17 @@ def in_order(engine):
     return engine
 
 
+def reading(change):
+    """Return what builds a model that reads what `change` makes of the right levels."""
+    (build,) = (one.build for one in Own().methods() if one.name == RIGHT)
+
+    def built(scene):
+        model = build(scene)
+        return replace(model, read=lambda answer: change(model.read(answer)))
+
+    return built
+
+
 def sorted_by_name(m):
     return Mechanism(tuple(sorted(m.bodies, key=lambda body: body.name)), m.joints, m.drivers)
 
@@ -128,6 +139,30 @@ def test_a_method_is_asked_for_no_more_than_it_gives_and_gives_no_more_than_it_i
 
     assert (orders, record.disagreements, list(record.answers[0].quantities)) == ({0}, [], ["position"])
     assert [level is None for level in levels] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"build": lambda scene: None}, "right: build: expected a crosscheck.engines.methods.Model, got None"),
+        ({"build": reading(lambda levels: None)}, "right: read: expected a list of arrays (rows, times), got None"),
+        ({"build": reading(lambda levels: [])}, "right: read: expected a list of arrays (rows, times), got []"),
+        (
+            {"build": reading(lambda levels: [1.0, *levels[1:]])},
+            "right: read: expected a list of arrays (rows, times), got [",
+        ),
+        ({"uses": "compare"}, "methods(): expected of a Method a set of Use, and highest 0 to 2, got 'compare' and 2"),
+        ({"highest": -1}, "methods(): expected of a Method a set of Use, and highest 0 to 2, got frozenset("),
+        ({"highest": "2"}, "methods(): expected of a Method a set of Use, and highest 0 to 2, got frozenset("),
+    ],
+)
+def test_a_method_of_another_form_is_named_by_what_it_is(change, said):
+    engine = Own()
+    listed = [replace(one, **change) for one in engine.methods() if one.name == RIGHT]
+    engine.methods = lambda: listed
+    (fault,) = check(SCENE, [engine]).disagreements
+
+    assert (fault.engine, said in fault.message) == ("own", True)
 
 
 def test_two_methods_of_one_name_are_named():

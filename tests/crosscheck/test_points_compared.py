@@ -163,3 +163,15 @@ def test_a_time_at_rest_hides_no_other(law, monkeypatch):
     _, wrong = faults(still, ("pinocchio",))
 
     assert {fault.quantity for fault in wrong} == {"velocity"}
+
+
+@pytest.mark.parametrize(
+    "form", [np.ndarray.tolist, lambda r: r.astype(object), lambda r: r.astype(str), lambda r: [1, [2]]]
+)
+def test_a_point_that_is_no_array_of_floats_is_named_as_that(form, monkeypatch):
+    planted(monkeypatch, lambda p: replace(p, v=form(p.v)))
+    _, wrong = faults(PLANE, ("pinocchio",))
+    said = {f"point {name!r}: expected an array of floats of shape (2, 7)" for name in "PQ"}
+
+    assert {(fault.quantity, fault.kind) for fault in wrong} == {("velocity", "not delivered")}
+    assert {fault.message for fault in wrong} == said
