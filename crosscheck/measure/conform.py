@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import closing, suppress
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -85,33 +85,39 @@ def ask(engine: Engine, question: Question) -> Reply:
         reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
         faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
     if not faults and record.answers:
-        faults = list(_asked_again(engine, question.scene))
+        faults = list(_asked_again(engine, question.scene, [answer.method.name for answer in record.answers]))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
     refused = refused or tuple(dict.fromkeys(row.reason for row in record.refusals if not row.joint))
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
 
 
-def _asked_again(engine: Engine, scene: Scene) -> Iterator[LevelFault]:
-    """Yield which model, built once and asked again, does not answer as it has to: a price is that of such a model."""
+def _asked_again(engine: Engine, scene: Scene, answered: Collection[str]) -> Iterator[LevelFault]:
+    """Yield which model, built once and asked again, does not answer as it has to: a price is that of such a model.
+
+    Those of methods that have `answered` the scene are asked.
+    """
     scene = replace(scene, points=(), bodies_wanted=None)
     bodies = tuple(body.name for body in scene.mechanism.bodies)
-    kept = [method for method in methods(engine, Use.COMPARE) if method.build is not None]
+    kept = [method for method in methods(engine, Use.COMPARE) if method.build and method.called in answered]
     ref = reference(scene) if kept else None
     for method in kept:
-        with suppress(EngineError):
+        again = f"where its model is asked again (method {method.called!r})"
+        try:
             model = method.model(copied(scene))
             for order in (2, 0, order_of(scene)):
                 levels = called_for(scene, model.read(model.solve(order))[: order + 1])
             motion = motion_of(scene.times, bodies, levels, method.producer)
-            terms, _ = granted(method.engine, scene, method.terms(scene))
-            assert ref is not None
-            compared = compare(ref, motion, [term for term in terms if term.level in QUANTITIES])
-            again = f"where its model is asked again (method {method.called!r})"
-            if compared.missing:
-                yield LevelFault(STATUS, f"no answer {again}", f"{compared.missing} times")
-            wrong = [(name, one.ratio) for name, one in compared.quantities.items() if not one.agrees]
-            for name, ratio in wrong[:1]:  # the others follow from it
-                yield LevelFault(name, f"{name} is wrong {again}", f"{np.max(ratio):.3g} times the allowed error")
+        except EngineError as error:
+            yield LevelFault(STATUS, f"no answer {again}", str(error))
+            continue
+        terms, _ = granted(method.engine, scene, method.terms(scene))
+        assert ref is not None
+        compared = compare(ref, motion, [term for term in terms if term.level in QUANTITIES])
+        if compared.missing:
+            yield LevelFault(STATUS, f"no answer {again}", f"{compared.missing} times")
+        wrong = [(name, one.ratio) for name, one in compared.quantities.items() if not one.agrees]
+        for name, ratio in wrong[:1]:  # the others follow from it
+            yield LevelFault(name, f"{name} is wrong {again}", f"{np.max(ratio):.3g} times the allowed error")
 
 
 def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import refkin
 from crosscheck.commands.replay import lines
-from crosscheck.engines import ELEMENTS, NATIVE, EngineRefusal, Level
+from crosscheck.engines import ELEMENTS, NATIVE, EngineError, EngineRefusal, Level
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.loading import load
 from crosscheck.judge.known_gaps import HardOutcome
@@ -261,6 +262,26 @@ def test_a_model_is_asked_again_because_such_a_one_is_priced():
     assert lost.what == "no answer where its model is asked again (method 'planted')"
     assert fault.what == "position is wrong where its model is asked again (method 'planted')"
     assert ask(load("mujoco"), ASKED["fixed"]).faults == ()
+
+
+@pytest.mark.parametrize("asked_first", [0, 1])
+def test_a_model_that_cannot_be_built_or_asked_again_gives_no_answer(asked_first):
+    def refusing(scene, route=None):
+        calls = iter([engine.solve] * asked_first)
+
+        def solve(scene):
+            for answer in calls:
+                return answer(scene)
+            raise EngineError("asked once is enough")
+
+        return SimpleNamespace(solve=solve)
+
+    engine = Stale(0.0)
+    engine.model = refusing
+    (fault,) = ask(engine, ASKED["revolute"]).faults
+
+    assert fault.what == "no answer where its model is asked again (method 'planted')"
+    assert fault.example == "asked once is enough"
 
 
 def test_points_are_asked_for_of_the_plane_and_of_space():
