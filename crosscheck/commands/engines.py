@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -62,6 +63,15 @@ def refuse_own(missing: Mapping[str, str]) -> None:
 MOST_LINES = 20
 """Disagreements, and failures, that a terminal shows; the report has all."""
 PLACES = ("inside", "outside", "undecidable", "no_answer")
+
+
+def any_answered(installed: Iterable[str], answering: Collection[str]) -> bool:
+    """Return whether any engine that was asked for has answered, and say it where none has."""
+    asked = [name for name in installed if name not in (ALWAYS, *SAMPLED)] or [*installed]
+    answered = not {*asked}.isdisjoint(answering)
+    if not answered:
+        print(f"nothing was compared: no answer of {', '.join(asked)}", file=sys.stderr)
+    return answered
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:

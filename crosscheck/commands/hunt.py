@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.engines import ENGINES, any_answered, names
 from crosscheck.commands.usage import (
     Json,
     Whole,
@@ -24,7 +24,7 @@ from crosscheck.commands.usage import (
     writable_folder,
 )
 from crosscheck.engines import EngineError
-from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
 from crosscheck.judge.known_gaps import BAD, HardOutcome, told, unexplained
 from crosscheck.measure.effects import REFKIN
 from crosscheck.measure.hard_table import SECONDS, hard_case_rows
@@ -54,8 +54,8 @@ def hunt_worst(
 
     Each engine is hunted by its best method. To blame is what `crosscheck replay` calls a disagreement; that asks every
     method, and may blame others beside. How far a position lies from the certified one is shown, and is no error yet.
-    Exit codes: 0 nobody is to blame, 1 somebody is, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130
-    interrupted.
+    Exit codes: 0 nobody is to blame, 1 somebody is, 2 usage, 3 engine missing, 4 an engine crashed or hung, 5 nobody
+    answered, 130 interrupted.
 
     Parameters
     ----------
@@ -93,7 +93,9 @@ def hunt_worst(
             _print_bag(bag, out)
     if bag.failures:
         return INFRASTRUCTURE
-    return DISAGREEMENT if bag.blames else PASS
+    if bag.blames:
+        return DISAGREEMENT
+    return PASS if any_answered(specs, {engine for engine, *_ in bag.catches}) else NOTHING_RAN
 
 
 def _starts(night: Path, best: Mapping[str, str]) -> list[Start]:

@@ -130,6 +130,17 @@ def test_replay_of_what_a_hunt_has_written_blames_the_same(tmp_path, monkeypatch
     assert f"to blame: {blamed.partition(';')[0]}" in " ".join(said.split())
 
 
+@pytest.mark.parametrize(("engine", "minutes"), [("refusing", "0.1"), ("right", "1e-9")])
+def test_a_hunt_in_which_nobody_asked_for_has_answered_does_not_pass(engine, minutes, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    before = {"refusing": "from crosscheck.engines import EngineRefusal; raise EngineRefusal"}.get(engine, "pass")
+    spec = engine_file(tmp_path, name=engine, before=before)
+    code, _, said = command("hunt", "--engines", spec, "--minutes", minutes, "--out", tmp_path / "hunt")
+
+    assert code == 5
+    assert f"nothing was compared: no answer of {engine}" in said
+
+
 def test_a_scene_that_was_made_to_end_is_replayed_as_such(tmp_path, monkeypatch, command):
     """The reference was blamed for its end, and the engine that sees none was not; what that said made no TOML."""
     monkeypatch.chdir(tmp_path)
