@@ -210,6 +210,8 @@ def read(path: Path) -> dict[str, Any]:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else getattr(error, "strerror", None) or error
+        if isinstance(error, TypeError | AttributeError):
+            why = "expected a table with `schema`, and `cases` by their names, each with a `scene`"
         raise NoBaseline(f"{path} is no baseline: {why}") from error
     return dict(baseline)
 

@@ -149,6 +149,14 @@ def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, tex
         golden.read(path)
 
 
+@pytest.mark.parametrize("text", ["[]", "3", '{"schema": 3, "cases": [1]}', '{"schema": 3, "cases": {"a": 1}}'])
+def test_a_baseline_of_another_form_is_told_what_was_expected(tmp_path: Path, text: str) -> None:
+    (tmp_path / "b.json").write_text(text)
+
+    with pytest.raises(NoBaseline, match=r"b\.json is no baseline: expected a table with `schema`, and `cases`"):
+        golden.read(tmp_path / "b.json")
+
+
 def test_a_folder_is_no_baseline(tmp_path: Path) -> None:
     with pytest.raises(NoBaseline, match="is no baseline: Is a directory"):
         golden.read(tmp_path)
