@@ -294,8 +294,9 @@ class _Answer:
         self._contradicted(samples, (isolation.contradiction > 1.0) & isolation.ok, isolation.contradiction)
         self.radius.position[samples] += np.max(output_rounding(self.system, self.q[:, samples]), axis=0)
         # Nearly singular, and other rows of the redundant ones may say something else: its rates may be anything.
-        unbounded = np.isnan(self.radius.position[samples]) & (self.sigma_min[samples] <= SINGULAR)
-        return isolation.ok & ~unbounded
+        for k in np.flatnonzero(isolation.ok & np.isnan(self.radius.position[samples])):
+            isolation.ok[k] = recentred(self.system).is_regular(self.q[:, samples[k]], self.t[samples[k]])
+        return isolation.ok
 
     def _contradicted(self, samples: Any, where: Any, size: Any) -> None:
         """Give the status of poses, and of rates, at which redundant rows contradict each other (3, B)."""

@@ -23,6 +23,7 @@ from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import least_squares, levenberg_marquardt
 from refkin.proof.assembly.search import PRIMES, SAME, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
+from refkin.proof.numbers.recentred import recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.singularity.diagnosis import Diagnosis, diagnose_scaled
 from refkin.solving.steps import APART
@@ -246,7 +247,8 @@ def _choice(
         float(np.linalg.norm(x[held]) + TURNED * np.linalg.norm(y[held])) for x, y in zip(seen, away, strict=True)
     ]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
-    others = sum(float(np.max(np.abs(q - poses[nearest]))) > SAME for q in poses)
+    near = [*map(recentred(system).inward, poses)]  # rounding moves a frame that is far from its joints
+    others = sum(float(np.max(np.abs(q - near[nearest]))) > SAME for q in near)
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
     absent = [name for name in missing if name not in far]
     doubt = "more than one assembly may be near the estimate" if others else "the estimate alone does not decide"

@@ -40,6 +40,7 @@ from refkin.proof.assembly.loci import Ball, below, length, root
 from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, wide
 from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined, starts_of
 from refkin.proof.numbers.exact import exact
+from refkin.proof.numbers.recentred import recentred
 from refkin.system import System
 
 PRECISION = 113
@@ -223,12 +224,19 @@ def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -
 
 
 def assemblies_in_space(system: System, t: float) -> list[Any]:
-    """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one."""
+    """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one.
+
+    They are looked for, and told apart, in frames near the joints: no start is near one that is far away.
+    """
     poses: list[Any] = []
     since = 0
     left = starts_of(system.n)  # in vain: one that leads to a new pose is short, and what the search is for
-    for start in starts(system, t):
-        q = refined(system, start, t)
+    frames = recentred(system)
+    for start in starts(frames.inner, t):
+        q = refined(frames.inner, start, t)
+        if q is None and frames.furthest:  # redundant rows may agree but for the rounding of far points
+            q = refined(system, frames.outward(start), t)
+            q = None if q is None else frames.inward(q)
         q = None if q is None else signed(system, q, np.ones(system.n))
         new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
         since, left = (0, left) if new else (since + 1, left - 1)
@@ -236,7 +244,7 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
             poses.append(q)
         if len(poses) >= MOST_POSES or since >= ENOUGH or not left:
             break
-    return poses
+    return [frames.outward(q) for q in poses]
 
 
 def signed(system: System, q: Any, like: Any) -> Any:

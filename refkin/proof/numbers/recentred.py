@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import sigma_min
 from refkin.joints import GROUND, Constraint
 from refkin.model import Mechanism
+from refkin.motion import SINGULAR
 from refkin.system import System, compile_system
 
 FAR = 4.0
@@ -50,6 +52,11 @@ class Recentred:
     def outward_rate(self, q: Any, rate: Any) -> Any:
         """Return the change (n,) of the system's coordinates that goes with one of those of `inner`, at its q."""
         return self._moved(q, -1.0, rate)
+
+    def is_regular(self, q: Any, t: float) -> bool:
+        """Whether sigma_min of `inner` at coordinates (n,) of the system is above `SINGULAR`."""
+        inward = self.inward(q)
+        return sigma_min(self.inner.held_at(inward).phi_q(inward, t)) > SINGULAR
 
     def _moved(self, q: Any, sign: float, rate: Any = None) -> Any:
         """Return coordinates, or their rates, where each body's origin is the point that its shift leads to."""

@@ -105,8 +105,8 @@ def _further(system: System, proof: Isolation, at: Any, answers: Answers) -> lis
     q, t, *rates = _at(at, answers)
     rows = proof.rows if proof.rows.ndim == 1 else proof.rows[:, at]
     moves = _Moves(system, rows, q, t, [x for x in rates if x is not None])
-    away = moves.at_most() if math.comb(system.m, system.n) > MOST_COMBINATIONS else moves.farthest()
     with np.errstate(all="ignore"):
+        away = moves.at_most() if math.comb(system.m, system.n) > MOST_COMBINATIONS else moves.farthest()
         share = away[0] / unique_within(system, rows, q, t, proof.position[at])
         factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
     return [far * factor for far in away]

@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import sigma_min
 from refkin.joints import GROUND, SPACE
-from refkin.motion import SINGULAR, Array
+from refkin.motion import Array
 from refkin.proof.numbers.inputs import contradiction
 from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.proof.numbers.recentred import Recentred, recentred
@@ -127,8 +126,7 @@ def _is_alone(system: System, q: Any, t: float) -> bool:
     Where it is nearly singular, other rows of the redundant ones have to be known to say the same.
     """
     proof = isolate_every_choice(system, q[:, None], [t])
-    bounded = np.isfinite(proof.position[0]) or sigma_min(system.held_at(q).phi_q(q, t)) > SINGULAR
-    return bool(proof.ok[0] and bounded)
+    return bool(proof.ok[0] and (np.isfinite(proof.position[0]) or recentred(system).is_regular(q, t)))
 
 
 class _Examination:

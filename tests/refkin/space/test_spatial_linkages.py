@@ -702,6 +702,7 @@ def test_a_search_of_space_ends_where_so_many_starts_lead_nowhere_new_and_has_ea
     tried, ends = [], [None, 0.0, 0.0, 1.0, *[0.0, None] * (many // 2 - 1), 2.0, *[1.0] * many, 3.0]
     monkeypatch.setattr(by_starts, "starts", lambda *_: iter(range(len(ends))))
     monkeypatch.setattr(by_starts, "signed", lambda _, q, like: q)
+    monkeypatch.setattr(by_starts, "recentred", lambda s: SimpleNamespace(inner=s, furthest=0.0, outward=lambda q: q))
     monkeypatch.setattr(
         by_starts, "refined", lambda _, k, t: tried.append(k) or (None if ends[k] is None else np.array([ends[k]]))
     )
