@@ -60,9 +60,9 @@ POINTED = (3, 17, 23)
 SPATIAL, MOST_OF_SPACE = (9, 23), 24
 """Of `SPECIAL_EVERY` scenes, which are of space, and how many times they have at most."""
 COSTS = {
-    **{"Hooke": 8.0, "double Hooke": 8.0, "Bennett": 7.0, "Bricard": 6.0, "RSSR chain": 4.0, "RSCR": 4.0},
-    **{"RSSR": 2.5, "RSSP": 2.5, "Stewart": 2.0, "geared": 1.8, "screw": 1.5},
-    **{"five-bar with two drivers": 2.5, "branching tree": 2.5, "six-bar": 1.7},
+    **{"Hooke": 14.0, "Bennett": 9.0, "Bricard": 7.0, "RSCR": 4.5, "double Hooke": 4.0, "RSSR chain": 3.0},
+    **{"RSSR": 3.0, "RSSP": 3.0, "PSSR": 3.0, "Stewart": 2.5, "geared": 1.5, "screw": 1.5},
+    **{"five-bar with two drivers": 3.0, "branching tree": 3.5, "six-bar": 1.5},
 }
 """How many times as long as a four-bar a scene of a kind takes, about; others take as long. Counted, a night has a
 seventh more scenes than were all called alike, and as many pairs of features."""

@@ -7,8 +7,8 @@ on purpose (`Region`).
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
-from typing import Any
+from dataclasses import fields, replace
+from typing import Any, cast
 
 import numpy as np
 from hypothesis import strategies as st
@@ -17,9 +17,22 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
-from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, turn
+from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, joint_frame, turn
 from crosscheck.strategies.spans import Binned
-from refkin.joints import GROUND, Screw, SpatialAngleDriver, Universal
+from refkin.joints import (
+    GROUND,
+    SPATIAL_JOINT_TYPES,
+    AxesPerpendicular,
+    Element,
+    PointInPlane,
+    PointOnAxis,
+    PointsMeet,
+    Screw,
+    SpatialFixed,
+    TurnAboutAxis,
+    Universal,
+    elements_of,
+)
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
@@ -72,7 +85,8 @@ def _spatial(
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind][0](draw, region, 1.0 if branch is Branch.OPEN else -1.0, decades)
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
-    first, last = plan.span
+    unit = 1.0 if plan.driver.law_is_angle else size
+    first, last = (unit * end for end in plan.span)
     law = draw(motion_laws(first=first, last=last, duration=duration, monotone=True))
     times = tuple(np.linspace(0.0, duration, samples).tolist())
     scene = _scene(draw, plan, law, size, times, f"{kind} {branch}, {plan.region}")
@@ -94,14 +108,65 @@ def _scene(draw: DrawFn, plan: SpacePlan, law: Law, size: float, times: tuple[fl
         frames[body] = (size * (apart + place @ r), place @ a)
     pose = SpaceAssembly(frames, place, apart, size)
     plan.joints(pose)
-    bodies = tuple(Body(name=body, estimate=_rough(*frames[body], size)) for body in plan.bodies)
     drivers: list[Any] = [joint for joint in pose.joints if joint.laws]
     joints = tuple(joint for joint in pose.joints if joint not in drivers)
     if draw(st.booleans(), label="bodies of joints the other way round"):
         joints = tuple(map(_reversed, joints))
+    structure = draw(st.sampled_from(STRUCTURES), label="structure")
+    if structure == "elements":
+        named = {plan.driven, *(getattr(joint, key, "") for joint in joints for key in ("joint_i", "joint_j"))}
+        joints = tuple(part for joint in joints for part in ((joint,) if joint.name in named else _elements(joint)))
+    if structure == "bracket":
+        joints += (_bracket(pose, draw(st.sampled_from(tuple(frames)), label="carrier"), direction(draw, "bracket")),)
     if plan.driven:
-        drivers.append(SpatialAngleDriver(name="driver", joint=plan.driven, **law_keys(law)))
+        drivers.append(plan.driver(name="driver", joint=plan.driven, **law_keys(law)))
+    bodies = tuple(Body(name=body, estimate=_rough(*at, size)) for body, at in frames.items() if body != GROUND)
     return Scene(mechanism=Mechanism(bodies, joints, tuple(drivers)), times=times, name=name)
+
+
+STRUCTURES = ("as it is",) * 4 + ("elements", "bracket")
+"""What stands for the joints of a kind: joints that say one thing each, or one body more that is fixed to another."""
+OF_ONE = {kind.consists_of[0]: kind for kind in cast("Any", SPATIAL_JOINT_TYPES) if len(kind.consists_of) == 1}
+"""Joints that say what one element says."""
+PARTS: dict[Any, tuple[type[Element], ...]] = {
+    PointsMeet: (PointOnAxis, PointInPlane),
+    TurnAboutAxis: (AxesPerpendicular,),
+}
+"""Elements that say together what one says: points meet on a line and in the plane across it, whichever it is."""
+
+
+def _elements(joint: Any) -> list[Any]:
+    """Return joints of one element each that say together what one says; itself, if it is such a joint."""
+    own = list(elements_of([joint]))
+    parts = [(element, part) for element in own for part in PARTS.get(type(element), (type(element),))]
+    if len(own) < 2 or any(part not in OF_ONE for _, part in parts):
+        return [joint]
+    return [_of_one(joint.name, element, OF_ONE[part]) for element, part in parts]
+
+
+def _of_one(name: str, element: Any, kind: Any) -> Any:
+    """Return a joint that says what an element says, or a part of it; turns are held by zeros across each other."""
+    ends = {"axis_i": (0.0, 0.0, 1.0)} | vars(element)
+    if isinstance(element, TurnAboutAxis):
+        ends |= {"axis_i": element.zero_i, "axis_j": tuple(np.cross(element.axis_j, element.zero_j or ()).tolist())}
+    keys = {field.name for field in fields(kind)} & {
+        f"{end}_{side}" for end in ("body", "point", "axis") for side in "ij"
+    }
+    return kind(name=f"{name} {kind.type}", **{key: ends[key] for key in keys})
+
+
+def _bracket(pose: SpaceAssembly, carrier: str, axis: Array) -> SpatialFixed:
+    """Return a joint that holds a body more on another, a crank away along an axis, whose frame lies as on the ground.
+
+    The joint sits between the two frames.
+    """
+    r, _ = pose.frames[carrier]
+    pose.frames["bracket"] = r + pose.size * pose.place @ axis, pose.place
+    middle = pose.place.T @ (r / pose.size + pose.place @ axis / 2) - pose.place.T @ pose.apart
+    zero = joint_frame(axis, None)[:, 0]
+    pose.add(SpatialFixed, "bracket", carrier, "bracket", middle, axis, zero_i=zero, zero_j=zero)
+    joint: SpatialFixed = pose.joints.pop()
+    return joint
 
 
 def _reversed(joint: Any) -> Any:

@@ -35,6 +35,7 @@ from crosscheck.strategies.space_plans import (
 from refkin.joints import (
     GROUND,
     Cylindrical,
+    DisplacementDriver,
     Screw,
     SpatialDistanceDriver,
     SpatialGear,
@@ -110,6 +111,30 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
         pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
 
     return SpacePlan(bodies, joints, "R1", span, max(room, 1e-12), region)
+
+
+def _pssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
+    """A slide that moves a rocker: its displacement is the input, in cranks."""
+    whole = draw(st.booleans(), label="coupler is a body")
+    axis = direction(draw, "axis of the slide")
+
+    def tip(shift: Any) -> Array:
+        return np.multiply.outer(shift, axis)
+
+    circle = drawn_rocker(draw, region, decades)
+    span, length, room, region = drawn_coupler(draw, region, decades, lambda shifts: circle.reach(tip(shifts)))
+    ends = tip(span[0]), circle.at(np.array(circle.meets(tip(span[0]), length, sign)))
+    zero = joint_frame(axis, None)[:, 0]
+    bodies = {"slider": (ends[0], np.eye(3)), "rocker": (circle.centre, circle.frame)}
+    if whole:
+        bodies["coupler"] = coupler_frame(ends)
+
+    def joints(pose: SpaceAssembly) -> None:
+        pose.add(SpatialPrismatic, "P", GROUND, "slider", np.zeros(3), axis, at_j=ends[0], zero_i=zero, zero_j=zero)
+        link(pose, "slider", "rocker", ends, "coupler", whole)
+        pose.add(SpatialRevolute, "R", GROUND, "rocker", circle.centre, circle.frame[:, 2])
+
+    return SpacePlan(bodies, joints, "P", span, room, region, DisplacementDriver)
 
 
 def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
@@ -349,5 +374,6 @@ KINDS: dict[str, tuple[Callable[..., SpacePlan], Sequence[Region]]] = {
     "Bricard": (_bricard, (Region.REGULAR,)),
     "Stewart": (_stewart, (Region.REGULAR,)),
     "geared": (_geared, (Region.REGULAR,)),
+    "PSSR": (_pssr, (Region.REGULAR, Region.LIMIT, Region.FOLD)),
 }
 """How each kind is made, and where it can go."""

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_power_of_ten
-from refkin.joints import SpatialDistance, Spherical
+from refkin.joints import SpatialAngleDriver, SpatialDistance, Spherical
+from refkin.joints.spatial_drivers import JointDriver
 from refkin.joints.spatial_frames import frame
 from refkin.model import Member
 
@@ -109,7 +110,7 @@ def direction(draw: DrawFn, label: str) -> Array:
 class SpacePlan:
     """What a kind is made of: bodies with their frames and joints in cranks, the driven joint, its span, its room.
 
-    Where no joint is driven, what is driven is among the joints.
+    Where no joint is driven, what is driven is among the joints. The span is of angles [rad], or of displacements.
     """
 
     bodies: dict[str, tuple[Array, Array]]
@@ -118,6 +119,7 @@ class SpacePlan:
     span: tuple[float, float]
     room: float
     region: Region
+    driver: type[JointDriver] = SpatialAngleDriver
 
 
 # spans and couplers
