@@ -1,11 +1,10 @@
-"""Checks of the analysis: rates against other formulations, branches, verdicts, units, points, mobility."""
+"""Checks of the analysis: branches, rates in batches, units, what was not called for."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,31 +14,17 @@ from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
 from refkin.model import Body, Mechanism
-from refkin.motion import Status, point_motion
+from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
 from refkin.solving.mobility import row_names
 from refkin.solving.solve import solve
-from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near
-from tests.linkages import LIMITED, ROCKER, system_of
+from tests.linkages import ROCKER
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7, 0.2))
 TIMES = (0.0, 0.35, 0.9)
-STEP = 1e-100
-
-
-def test_fixed_points_move_as_their_derivatives():
-    """Velocity and acceleration of a point fixed in a body are the derivatives of its place."""
-    q = [Polynomial(coefficients=c) for c in ((1.0, -0.6, 0.8), (0.5, 0.9, -0.3), (0.2, 1.4, -1.1))]
-
-    def motion(at: Any) -> Any:
-        return point_motion((0.3, -0.8), *(np.array([[law(at, k)] for law in q]) for k in range(3)))
-
-    result, moved = motion(0.7), motion(0.7 + STEP * 1j)
-    assert_near(result.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    assert_near(result.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
 
 
 BOTH_TURN = FourBar(ground=1.0, crank=4.0, coupler=3.5, rocker=3.0)
@@ -61,18 +46,6 @@ def test_a_coarse_sweep_stays_on_its_branch():
             expected = linkage.assemble(float(phi), branch)["rocker"][2]
             off = abs(math.remainder(motion["rocker"].phi[k] - expected, math.tau))
             assert off < allowed, f"{linkage} {branch}: the rocker is off by {off} at {phi}"
-
-
-def test_a_sweep_steps_down_and_stops():
-    """A sweep that is led over a limit stops before it, with the sign of its determinant kept on all accepted poses."""
-    limit = LIMITED.input_range()[0][1]
-    scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.3, 1.0)), times=(0.0,))
-    system = system_of(scene)
-    pose = LIMITED.assemble(limit - 0.3)
-    sweep = Sweep(system, [0.0], [system.to_unit(np.concatenate([pose[b.name] for b in scene.mechanism.bodies]))])
-    arrival = sweep.to(0.5)
-    assert arrival is Arrival.STOPPED, f"{arrival}"
-    assert 0.29 < sweep.t[-1] <= 0.3 + 1e-12, f"stopped at {sweep.t[-1]}"
 
 
 def test_what_is_not_called_for_is_refused_by_name():
