@@ -58,7 +58,7 @@ CORRECTIONS = 4
 TENTH = 0.1
 """By less than this much of itself a change of position must change J for first order to say enough."""
 AT_ONCE = 1_000_000
-"""About so many entries of J are computed at once."""
+"""About so many entries of J are computed at once, and at least those of one direction."""
 
 
 @dataclass(frozen=True)
@@ -363,7 +363,7 @@ def _beyond_first(system: System, q: Any, left: Any, t: Any, within: Any) -> Any
     inverse = np.moveaxis(_inverse(slope), 0, -1)
     middle, more = _solved(held, inverse, q, 0.0 * left, t), np.zeros((3, *q.shape))
     directions = _directions(system, slope)
-    for signs in np.array_split(directions, 1 + directions.size * len(q) // AT_ONCE):
+    for signs in np.array_split(directions, min(1 + directions.size * len(q) // AT_ONCE, len(directions))):
         alike, at, stacked = (np.tile(x, len(signs)) for x in (q, t, inverse))
         held, residual = system.held_at(alike), np.moveaxis(signs * left, 0, 1).reshape(len(left), -1)
         linear = np.imag(_rated(held, alike + 1j * STEP * times(stacked, residual), at)) / STEP
