@@ -114,9 +114,12 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 
 
 def _pssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> SpacePlan:
-    """A slide that moves a rocker: its displacement is the input, in cranks."""
+    """A slide that moves a rocker: its displacement is the input, in cranks.
+
+    It is across x, along which the rocker is away: to a tip on the axis of the rocker all poses of that are alike.
+    """
     whole = draw(st.booleans(), label="coupler is a body")
-    axis = direction(draw, "axis of the slide")
+    axis = turn(X, draw(ANGLES, label="angle of the slide")) @ Z
 
     def tip(shift: Any) -> Array:
         return np.multiply.outer(shift, axis)

@@ -22,9 +22,9 @@ from crosscheck.measure.check import check
 from crosscheck.night.moving_parts import DrawnSample
 from crosscheck.night.sections import drawing_of
 from crosscheck.scenes.drawing import SPATIAL, draw
-from crosscheck.strategies import Spatial, spatial_scenes
+from crosscheck.strategies import Spatial, space_kinds, spatial_scenes
 from crosscheck.strategies.space_kinds import KINDS
-from crosscheck.strategies.space_plans import Region
+from crosscheck.strategies.space_plans import ROOM, Region
 from crosscheck.strategies.verdicts import Ended, ended_scenes
 from refkin.joints import GROUND, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.model import Scene
@@ -86,6 +86,19 @@ def test_nights_draw_every_joint_and_driver_of_space() -> None:
     drawn = [draw(3, 28 * k + place).scene.mechanism for k in range(60) for place in SPATIAL]
     types = {constraint.type for mechanism in drawn for constraint in (*mechanism.joints, *mechanism.drivers)}
     assert types == {constraint.type for constraint in (*SPATIAL_JOINT_TYPES, *SPATIAL_DRIVER_TYPES)}
+
+
+def test_a_slide_never_moves_along_the_axis_of_the_rocker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All points of the rocker are as far from a tip on its axis: no span has room, and drawing did not end."""
+    reaches: list[Any] = []
+    drawn = {"ground": 1.25, "rocker": 1.0}  # an axis along x, as all that is zero has it
+    monkeypatch.setattr(
+        space_kinds, "drawn_coupler", lambda *given: reaches.append(given[-1]) or ((0.0, 1.0), 1.5, 0.5, given[1])
+    )
+    KINDS["PSSR"][0](lambda _, label: drawn.get(label, 0.0), Region.REGULAR, 1.0, (2, 6))
+    least, greatest = reaches[0](np.linspace(-3.0, 3.0, 7))
+
+    assert np.max(greatest - least) > ROOM
 
 
 def axes(drawn: Spatial) -> list[Any]:
