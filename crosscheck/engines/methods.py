@@ -229,9 +229,8 @@ class Method:
             bodies = tuple(body.name for body in scene.mechanism.bodies)
             model, order = self.model(scene), min(order_of(scene), self.highest)
             read = model.read(model.solve(order))
-            if not (
-                isinstance(read, tuple | list | np.ndarray) and len(read) and all(np.ndim(level) == 2 for level in read)
-            ):
+            several = isinstance(read, tuple | list | np.ndarray) and len(read) and read[0] is not None
+            if not several or any(np.ndim(level) != 2 for level in read if level is not None):  # as a motion has them
                 expected = f"read: expected a list of arrays (rows, times), got {kept(repr(read))}"
                 raise EngineError(f"{self.engine}, {self.name}: {expected}")
             levels = called_for(scene, read[: order + 1])

@@ -11,7 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.loading import load
-from crosscheck.engines.methods import Use, methods
+from crosscheck.engines.methods import Model, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.records import Cause, read_records
 from crosscheck.measure import bench
@@ -141,11 +141,25 @@ def test_a_method_is_asked_for_no_more_than_it_gives_and_gives_no_more_than_it_i
     assert [level is None for level in levels] == [False, True, False]
 
 
+@pytest.mark.parametrize("effects", [{*Effect}, {Effect.ACCELERATION}, {Effect.VELOCITY}, ()])
+def test_a_level_that_a_scene_does_not_call_for_may_be_none(effects):
+    """A motion has its levels so, and an engine whose model is read as one was blamed."""
+    engine, scene = Own(), replace(SCENE, effects=frozenset(effects))
+    (right,) = (one for one in engine.methods() if one.name == RIGHT)
+
+    def build(scene):
+        return Model(solve=lambda order: refkin.solve(scene), read=lambda motion: motion.levels)
+
+    engine.methods = lambda: [replace(right, build=build)]
+    assert check(scene, [engine]).disagreements == []
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({"build": lambda scene: None}, "right: build: expected a crosscheck.engines.methods.Model, got None"),
         ({"build": reading(lambda levels: None)}, "right: read: expected a list of arrays (rows, times), got None"),
+        ({"build": reading(lambda levels: [None])}, "right: read: expected a list of arrays (rows, times), got [None]"),
         ({"build": reading(lambda levels: [])}, "right: read: expected a list of arrays (rows, times), got []"),
         (
             {"build": reading(lambda levels: [1.0, *levels[1:]])},
