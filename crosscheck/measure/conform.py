@@ -104,7 +104,7 @@ def _asked_again(engine: Engine, scene: Scene, answered: Collection[str]) -> Ite
         again = f"where its model is asked again (method {method.called!r})"
         try:
             model = method.model(copied(scene))
-            for order in (2, 0, order_of(scene)):
+            for order in (method.highest, 0, min(order_of(scene), method.highest)):
                 levels = called_for(scene, model.read(model.solve(order))[: order + 1])
             motion = motion_of(scene.times, bodies, levels, method.producer)
         except EngineError as error:

@@ -25,7 +25,7 @@ from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 
 from .fake_engines import HANG, SEGFAULT, engine_file
-from .hard_engines import Claims, Right, Stale, Swapped
+from .hard_engines import Claims, Own, Right, Stale, Swapped
 
 ROOT = Path(__file__).parent.parent.parent
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
@@ -282,6 +282,24 @@ def test_a_model_that_cannot_be_built_or_asked_again_gives_no_answer(asked_first
 
     assert fault.what == "no answer where its model is asked again (method 'planted')"
     assert fault.example == "asked once is enough"
+
+
+def test_a_model_is_asked_again_for_no_more_than_its_method_gives():
+    """One of positions alone that raised where it was asked for rates was told as one that gives no answer."""
+
+    def build(scene):
+        def solve(order):
+            if order:
+                raise EngineError("positions alone")
+            return model.solve(order)
+
+        model = right.build(scene)
+        return replace(model, solve=solve)
+
+    engine = Own()
+    right, _ = engine.methods()
+    engine.methods = lambda: [replace(right, highest=0, build=build)]
+    assert ask(engine, ASKED["revolute"]).faults == ()
 
 
 def test_points_are_asked_for_of_the_plane_and_of_space():
