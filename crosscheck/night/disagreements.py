@@ -17,6 +17,7 @@ from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, expected
 from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
+from refkin.motion import Status
 from refkin.scenes.files import to_dict
 
 MOST_SHRUNK = 8
@@ -113,11 +114,15 @@ def _shrink(
 
 
 def _at_its_time(drawn: AnyDrawn, shown: Disagreement | None) -> AnyDrawn:
-    """Return the scene at its first time and at the one of its worst sample alone, if the disagreement has one."""
+    """Return the scene at its first time and at the one of its worst sample alone, if the disagreement has one.
+
+    And at its end, if it was made to end so.
+    """
     if shown is None or shown.at is None or shown.at.time is None:
         return drawn
     times = drawn.scene.times
-    kept = tuple(t for t in times if t in (times[0], shown.at.time))
+    end = times[0] if expected_of(drawn) is Status.OK else times[-1]
+    kept = tuple(t for t in times if t in (times[0], shown.at.time, end))
     return replace(drawn, scene=replace(drawn.scene, times=kept))
 
 

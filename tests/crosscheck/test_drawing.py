@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from crosscheck.measure.check import key_of
+from crosscheck.night.disagreements import _at_its_time
 from crosscheck.scenes import drawing
-from crosscheck.scenes.drawing import OutOfTime, draw, effort, seed_of_scene, shortened, shrink
+from crosscheck.scenes.drawing import OutOfTime, draw, effort, in_part, seed_of_scene, shortened, shrink
 from crosscheck.strategies import Chain, Drawn, Ended, Hardness
 from crosscheck.strategies.linkages import longest
 from refkin.motion import Status
@@ -186,3 +187,13 @@ def test_what_ends_on_purpose_is_checked_at_a_quarter_as_many_times_up_to_its_en
 
         assert (part.times[0], part.times[-1], len(part.times)) == (times[0], times[-1], len(times) // 4)
         assert solve(part).verdict is one.expected
+
+
+def test_a_minimal_scene_of_what_ends_on_purpose_has_its_end():
+    """Without it a replay blamed the reference, that says ok at the two times that were left."""
+    one = in_part(draw(77, 5))
+    times = one.scene.times
+    shorter = _at_its_time(one, SimpleNamespace(at=SimpleNamespace(time=times[8])))
+
+    assert shorter.scene.times == (times[0], times[8], times[-1])
+    assert solve(shorter.scene).verdict is one.expected
