@@ -267,6 +267,10 @@ def test_all_faults_of_a_linkage_come_at_once():
         ({"evidence": ["trust"]}, "evidence"),
         ({"law": refkin.Polynomial(coefficients=(1.0,))}, "times"),
         ({"law": refkin.Polynomial(coefficients=()), "times": [0.0]}, "law.coefficients"),
+        ({"law": refkin.Polynomial(coefficients=1.0), "times": [0.0]}, "law.coefficients"),
+        ({"law": refkin.Polynomial(coefficients=np.array([0.0, math.nan])), "times": [0.0]}, "law.coefficients[1]"),
+        ({"law": refkin.Integral(rate=2.0), "times": [0.0]}, "law"),
+        ({"law": refkin.Sinusoid(amplitude="1", angular_frequency=1.0), "times": [0.0]}, "law.amplitude"),
         ({"law": refkin.Polynomial(coefficients=(1.0,)), "times": [1.0, 0.0]}, "times"),
         ({"times": [0.0, "1"]}, "times"),
         ({"times": [True, 2.0]}, "times"),
@@ -285,6 +289,13 @@ def test_scene_names_the_argument_that_makes_no_sense(arguments, path):
         FourBar(4.0, 1.0, 3.5, 3.0).scene(**arguments)
 
     assert [path] == [fault.path for fault in caught.value.faults]
+
+
+@pytest.mark.parametrize("linkage", [FourBar(4.0, 1.0, 3.5, 3.0), ScrewJack(0.1)])
+def test_a_law_of_a_linkage_may_hold_rows_of_numpy(linkage):
+    rows, numbers = (refkin.Polynomial(coefficients=c) for c in (np.array([0.25, 1.0]), (0.25, 1.0)))
+
+    assert linkage.scene(law=rows, times=[0.0, 1.0]) == linkage.scene(law=numbers, times=[0.0, 1.0])
 
 
 @pytest.mark.parametrize("linkage", [FourBar(4.0, 1.0, 3.5, 3.0), ScrewJack(0.1)])

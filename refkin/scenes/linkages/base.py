@@ -12,7 +12,7 @@ import cmath
 import math
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass, replace
 from numbers import Real
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, PLANE, SPACE, AngleDriver, Constraint, Driver, Pair
-from refkin.joints.annotations import check
+from refkin.joints.annotations import check, finite_faults, plain, type_faults
 from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
@@ -392,7 +392,8 @@ def law_and_times(
     )
     faults = [Fault(key, value, expected) for key, value, fits, expected in asked if not fits] if law is None else []
     if law is not None:
-        faults += law.faults("law") if hasattr(law, "faults") else [Fault("law", law, "a motion law, as Polynomial")]
+        law = plain(law)
+        faults += _law_faults(law)
     if given == [] or (given is None and law is not None):
         faults.append(Fault("times", times, "one time [s] or more"))
     unused = [("law", "speed", speed, 2.0), ("law", "start", start, 0.0)] if law is not None else []
@@ -411,6 +412,16 @@ def law_and_times(
         if not math.isfinite(value):
             raise InvalidScene([Fault("law", value, f"a finite number at t = {t!r}")], "linkage")
     return law, at, values
+
+
+def _law_faults(law: Any) -> list[Fault]:
+    """Return what is wrong with a law: with the types of its numbers, or else with their values."""
+    if not hasattr(law, "faults"):
+        return [Fault("law", law, "a motion law, as Polynomial")]
+    path = "driver[0].law"  # as a scene tells it
+    faults = [*type_faults(path, law)] if is_dataclass(law) else []
+    faults = faults or [*finite_faults(path, law), *law.faults(path)]
+    return [replace(fault, path=fault.path.removeprefix("driver[0].")) for fault in faults]
 
 
 def is_finite(value: object) -> bool:
