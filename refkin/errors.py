@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 LONGEST, MOST = 200, 100
 """How much of a value a message quotes [characters], and of how many faults it tells: there may be thousands."""
@@ -16,6 +17,13 @@ class RefkinError(Exception):
 def printable(text: str) -> str:
     """Return text with its control characters written out: a name in a scene file may hold what steers a terminal."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def of_python(value: Any) -> Any:
+    """Return a value as a message quotes it: float64 of NumPy, in a row, too, as the float that it is."""
+    if type(value) in (list, tuple):
+        return type(value)(map(of_python, value))
+    return float(value) if isinstance(value, float) else value
 
 
 @dataclass(frozen=True)
@@ -32,7 +40,7 @@ class Fault:
     choices: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        text = repr(self.value)
+        text = repr(of_python(self.value))
         short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
         got = "" if self.value is None else f", got {short}"
         return printable(f"{self.path}: expected {self.expected}{got}{f' ({self.where})' if self.where else ''}")

@@ -242,6 +242,11 @@ ASKED = {
     "seconds: expected a number above 0, got 'a'": lambda: refkin.solve(scene()).animate("a"),
     "value: expected a finite number [rad, or m], got 'a'": lambda: BARS.plot("a"),
     "value: expected a finite number [rad], got 'a'": lambda: Hooke(beta=0.5).assemble("a"),
+    "FourBar: crank: expected a length above 0 [m], got -1.0": lambda: refkin.FourBar(4.0, np.float64(-1.0), 3.5, 3.0),
+    "mechanism: body[0].estimate: expected 3 numbers, not 2, got [0.0, 0.5]": lambda: refkin.Mechanism(
+        (refkin.Body(name="crank", estimate=(*np.array([0.0, 0.5]),)),), mechanism().joints, mechanism().drivers
+    ),
+    "seconds: expected a number above 0, got -1.0": lambda: refkin.solve(scene()).animate(np.float64(-1.0)),
     "law: expected drivers whose rates are at most 1e+300": lambda: refkin.follow(scene(mechanism=SHAKEN)),
 }
 SHAKEN = mechanism(law=Sinusoid(amplitude=1.0, angular_frequency=1e308))
