@@ -91,7 +91,9 @@ def _guessed(fault: Fault, data: Any) -> Fault:
         inner = re.search(r"(law|rate_law|profile)[^.]*\.[^.]*$", fault.path)
         known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
         tables = isinstance(fault.value, list) and all(isinstance(x, dict) for x in fault.value)
-        return _meant(fault, key, GROUPS if tables and not inner else known)
+        beside = at(fault.path.rpartition(".")[0], data)
+        missing = [word for word in known if word == key or not (isinstance(beside, dict) and word in beside)]
+        return _meant(fault, key, GROUPS if tables and not inner else missing)
     if fault.path == "dimension" and fault.value is None:
         return replace(fault, expected='"spatial", as the rest of the file is')
     if isinstance(fault, WrongCount):

@@ -216,6 +216,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
     faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
+    counted = [path.removesuffix("argument") + "value" for path in unread if path.endswith("law.argument")]
+    faults = [f for f in faults if f.path not in counted]  # how many values there have to be is not known
     if any(path.startswith("times.values") for path in unread):
         faults = [f for f in faults if f.path != "times"]  # what is said of them all
     # What such a joint lacks was filled in, too.

@@ -12,7 +12,7 @@ from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
-from .test_scene_files import TEXT, refused_file
+from .test_scene_files import DRIVEN, TEXT, refused_file
 
 
 def told(tmp_path, text: str) -> str:
@@ -46,6 +46,21 @@ def test_a_word_that_is_wrong_gets_the_one_that_was_perhaps_meant_or_why(tmp_pat
 
 def test_a_key_like_no_other_gets_no_guess(tmp_path):
     assert "did you mean" not in told(tmp_path, TEXT.replace("count = 3", "count = 3\nzzz = 1"))
+
+
+def test_a_key_that_stands_there_is_not_what_was_meant(tmp_path):
+    text = told(tmp_path, TEXT.replace("count = 3", "step = 0.1"))
+
+    assert "times.step: expected no such key, got 0.1" in text
+    assert "times.count: expected `count` (or `values`)" in text
+
+
+def test_a_table_whose_arguments_cannot_be_read_is_one_fault(tmp_path):
+    table = 'law = { kind = "table", argument = "motor.csv", value = [0.0, 1.0] }'
+    text = told(tmp_path, TEXT.replace(DRIVEN, table))
+
+    assert text.startswith("driver[0].law.argument: expected a list, got 'motor.csv'")
+    assert len(text.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
