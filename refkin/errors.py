@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 LONGEST, MOST = 200, 100
 """How much of a value a message quotes [characters], and of how many faults it tells: there may be thousands."""
@@ -17,13 +17,6 @@ class RefkinError(Exception):
 def printable(text: str) -> str:
     """Return text with its control characters written out: a name in a scene file may hold what steers a terminal."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
-def of_python(value: Any) -> Any:
-    """Return a value as a message quotes it: float64 of NumPy, in a row, too, as the float that it is."""
-    if type(value) in (list, tuple):
-        return type(value)(map(of_python, value))
-    return float(value) if isinstance(value, float) else value
 
 
 @dataclass(frozen=True)
@@ -40,9 +33,8 @@ class Fault:
     choices: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        text = repr(of_python(self.value))
-        short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
-        got = "" if self.value is None else f", got {short}"
+        text = re.sub(r"np\.float64\((.+?)\)", r"\1", repr(self.value))  # a number, as Python shows it
+        got = f", got {text[:LONGEST]}{' ...' * (len(text) > LONGEST)}" * (self.value is not None)
         return printable(f"{self.path}: expected {self.expected}{got}{f' ({self.where})' if self.where else ''}")
 
 

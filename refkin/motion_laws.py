@@ -185,8 +185,7 @@ class Integral:
 
     def faults(self, path: str) -> Iterator[Fault]:
         twice = [Fault(path, self.rate, "a law that is no integral itself")] * isinstance(self.rate, Integral)
-        unknown = [] if hasattr(self.rate, "faults") else [Fault(path, self.rate, "a law, the rate")]
-        yield from (of_rate := twice or unknown or list(self.rate.faults(path)))
+        yield from (of_rate := twice or list(self.rate.faults(path)))
         if not of_rate and not self.domain()[0] <= 0.0 <= self.domain()[1]:
             yield Fault(f"{path}.argument", list(self.domain()), "a table that covers t = 0, where `initial` holds")
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 
 from refkin.errors import LONGEST as QUOTED
-from refkin.errors import Fault, InvalidRequest, of_python
+from refkin.errors import Fault, InvalidRequest
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 
@@ -84,7 +84,7 @@ def check(name: str, expected: str, value: object, well: bool) -> None:
     well : bool
     """
     if not well:
-        raise InvalidRequest(name, expected, repr(of_python(value))[:QUOTED])
+        raise InvalidRequest(name, expected, repr(value)[:QUOTED])
 
 
 def is_real(value: Any, *shape: int) -> bool:

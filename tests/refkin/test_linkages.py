@@ -269,7 +269,7 @@ def test_all_faults_of_a_linkage_come_at_once():
         ({"law": refkin.Polynomial(coefficients=()), "times": [0.0]}, "law.coefficients"),
         ({"law": refkin.Polynomial(coefficients=1.0), "times": [0.0]}, "law.coefficients"),
         ({"law": refkin.Polynomial(coefficients=np.array([0.0, math.nan])), "times": [0.0]}, "law.coefficients[1]"),
-        ({"law": refkin.Integral(rate=2.0), "times": [0.0]}, "law"),
+        ({"law": refkin.Integral(rate=2.0), "times": [0.0]}, "law.rate"),
         ({"law": refkin.Sinusoid(amplitude="1", angular_frequency=1.0), "times": [0.0]}, "law.amplitude"),
         ({"law": refkin.Polynomial(coefficients=(1.0,)), "times": [1.0, 0.0]}, "times"),
         ({"times": [0.0, "1"]}, "times"),

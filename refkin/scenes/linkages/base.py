@@ -416,8 +416,9 @@ def law_and_times(
 
 def _law_faults(law: Any) -> list[Fault]:
     """Return what is wrong with a law: with the types of its numbers, or else with their values."""
-    if not hasattr(law, "faults"):
-        return [Fault("law", law, "a motion law, as Polynomial")]
+    for key, one in (("law", law), ("law.rate", getattr(law, "rate", law))):
+        if not hasattr(one, "faults"):
+            return [Fault(key, one, "a motion law, as Polynomial")]
     path = "driver[0].law"  # as a scene tells it
     faults = [*type_faults(path, law)] if is_dataclass(law) else []
     faults = faults or [*finite_faults(path, law), *law.faults(path)]
