@@ -45,8 +45,9 @@ BY_SHORTEST = {
 class FourBar(Linkage):
     """A four-bar by its lengths [m]: bodies crank (A0 A), coupler (A B), rocker (B0 B), pivots A0 and B0 on the ground.
 
-    A sum of vectors does not depend on their order, so every pair of links can be the input; what is said of ground and
-    crank holds for any pair. OPEN: with the crank as input, B lies to the left of the line from A to B0.
+    The frame of a body is in the middle of its link, x along it. A sum of vectors does not depend on their order, so
+    every pair of links can be the input; what is said of ground and crank holds for any pair. OPEN: with the crank as
+    input, B lies to the left of the line from A to B0.
     """
 
     ground: float

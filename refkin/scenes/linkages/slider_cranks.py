@@ -28,9 +28,10 @@ from refkin.scenes.linkages.closures import (
 class SliderCrank(Linkage):
     """A slider-crank by its lengths [m]; the guide runs along x, `offset` above the crank pivot.
 
-    Bodies crank (A0 A), connecting_rod (A B) and slider (frame at the wrist pin B). The position of the slider, as an
-    input, is measured along the guide from the foot of the crank pivot. OPEN: with the crank as input, the rod points
-    along the guide; with the slider as input, A lies to the left of the line from A0 to B.
+    Bodies crank (A0 A) and connecting_rod (A B), frames in the middle, and slider, frame at the wrist pin B. The
+    position of the slider, as an input, is measured along the guide from the foot of the crank pivot. OPEN: with the
+    crank as input, the rod points along the guide; with the slider as input, A lies to the left of the line from A0 to
+    B.
     """
 
     crank: float
