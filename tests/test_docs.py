@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -67,6 +68,18 @@ def test_every_joint_and_driver_has_a_scene_that_shows_it():
             scene = load(DOCS / "scenes" / (f"{name}.toml" if kind == "joint" else f"{name}-driver.toml"))
 
             assert cls in {type(c) for c in getattr(scene.mechanism, f"{kind}s")}
+
+
+def test_digits_beyond_the_attainable_ones_that_the_book_tells_are_those_of_the_sample_report():
+    prices = json.loads((ROOT / "reports/sample/report.json").read_text(encoding="utf-8"))["price"]
+    rows = [
+        r for r in prices if (r["scene_class"], r["quantity"]) == ("regular", "position") and r["digits"] is not None
+    ]
+    told = re.search(r"position ([\d.]+) where ([\d.]+)\s+are\s+attainable", (DOCS / "howto" / "cost.md").read_text())
+
+    best = max(rows, key=lambda row: row["digits"])
+    assert told
+    assert [*told.groups()] == [f"{best[key]:.1f}" for key in ("digits", "digits_attainable")]
 
 
 def test_the_shares_of_a_night_that_the_book_tells_are_those_of_the_code():
