@@ -8,7 +8,7 @@ from typing import Any
 from crosscheck.judge.prices import Offer
 from crosscheck.report.first_table import asked, nine_digits
 from crosscheck.report.measured import VERDICTS
-from crosscheck.report.prices import main_class
+from crosscheck.report.prices import main_class, scenes_of
 from crosscheck.report.svg import Style
 from crosscheck.report.wording import count, number
 from crosscheck.scenes.names import OURS
@@ -26,9 +26,8 @@ def answer(report: Report) -> str:
     engines = [offer for offer in ordered if offer.engine in report["engines"] and offer.engine not in OURS]
     if engines and engines[0] is not ordered[0]:
         cheapest_method += f"; of the engines compared here, with {_paid(engines[0])}"
-    return (
-        f"Nine digits of acceleration cost least over one cycle with {cheapest_method} ({main_class(prices)} scenes)."
-    )
+    scenes = scenes_of(main_class(prices))
+    return f"Nine digits of acceleration cost least over one cycle with {cheapest_method} ({scenes})."
 
 
 def _paid(offer: Offer) -> str:

@@ -85,8 +85,13 @@ def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
                 paid = [cheapest(of_class, quantity, goal, poses) for goal in STEPS]
                 lines = [(engine, [offers.get(engine) for offers in paid]) for engine in engines]
                 users.append((name, list(best[poses][quantity].values()), lines))
-            tables.append({"scene_class": scene_class, "quantity": quantity, "users": users})
+            tables.append({"scenes": scenes_of(scene_class), "quantity": quantity, "users": users})
     return tables
+
+
+def scenes_of(scene_class: str | None) -> str:
+    """Return what scenes of a class are called: "regular scenes", but "scenes near a change point"."""
+    return f"scenes {scene_class}" if " " in (scene_class or "") else f"{scene_class} scenes"
 
 
 def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) -> Figure:
@@ -100,7 +105,7 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
             shown = [r for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)]
             lines = [(look, [r for r in shown if r["engine"] == engine]) for engine, look in of_engines.items()]
             if shown:
-                title, ident = f"{quantity.capitalize()}, {scene_class} scenes", f"price-{len(panels)}"
+                title, ident = f"{quantity.capitalize()}, {scenes_of(scene_class)}", f"price-{len(panels)}"
                 panels.append(_panel(ident, title, shown, lines, span, width=300, height=226, left=30))
     legend = tuple((swatch(look), engine) for engine, look in of_engines.items())
     head = ("engine · method", "setting", "scenes", "quantity", "digits", "attainable", "µs", "spread")

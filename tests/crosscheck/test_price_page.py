@@ -12,7 +12,7 @@ from rich.console import Console
 from crosscheck.commands.price import cheapest_table, lines, methods_table, page_of, to_json
 from crosscheck.documents.ledger.page import digits_by_iteration
 from crosscheck.measure.price import PriceList
-from crosscheck.report.prices import iterations_of_notes, looks_of_methods, methods_figure
+from crosscheck.report.prices import cheapest_tables, iterations_of_notes, looks_of_methods, methods_figure
 
 from .report_records import price_row
 
@@ -150,3 +150,9 @@ def test_the_panels_of_all_quantities_have_one_scale():
     ]
 
     assert [t for t in axes[0] if t.startswith("10")] == [t for t in axes[1] if t.startswith("10")]
+
+
+def test_scenes_of_a_class_are_called_as_one_says_it():
+    tables = cheapest_tables([{**asdict(row()), "scene_class": name} for name in ("regular", "near a change point")])
+
+    assert [*dict.fromkeys(table["scenes"] for table in tables)] == ["regular scenes", "scenes near a change point"]
