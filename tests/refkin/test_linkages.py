@@ -310,6 +310,18 @@ def test_crank_that_cannot_turn_is_refused_with_its_range():
         FourBar(0.9, 0.3, 0.6, 0.45).scene(turns=1)
 
 
+@pytest.mark.parametrize(
+    ("linkage", "told"),
+    [
+        (FourBar(40.0, 1.0, 3.0, 2.0), r"ground, crank, coupler, rocker: .* got \[40\.0, 1\.0, 3\.0, 2\.0\]"),
+        (SliderCrank(1.0, 1.0, 5.0), r"crank, rod, offset: .* got \[1\.0, 1\.0, 5\.0\]"),
+    ],
+)
+def test_lengths_that_assemble_nowhere_are_what_is_wrong_with_a_scene(linkage, told):
+    with pytest.raises(refkin.InvalidScene, match=told):
+        linkage.scene()
+
+
 def test_limit_of_the_textbook_four_bar_is_right_to_fifteen_digits():
     ((low, high),) = FourBar(90.0, 30.0, 60.0, 45.0).input_range()
 

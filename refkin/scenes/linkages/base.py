@@ -277,9 +277,10 @@ class Linkage(Shown):
         if not covers(intervals, min(values), max(values), math.inf if slide else math.tau):
             words = " or ".join(f"[{a:.6g}, {b:.6g}]" for a, b in intervals)
             expected = f"the input ({driven}) within {words} {'m' if slide else 'rad'}, where the linkage assembles"
-            asked = (min(values), max(values))
-            unassemblable = "lengths that assemble: these do at no input"
-            raise InvalidScene([Fault(path, asked, expected if words else unassemblable)], type(self).__name__)
+            keys = [key for key in (*self.LENGTHS, "offset") if hasattr(self, key)]
+            apart = Fault(", ".join(keys), [getattr(self, key) for key in keys], "lengths that assemble at some input")
+            asked = Fault(path, (min(values), max(values)), expected)
+            raise InvalidScene([asked if words else apart], type(self).__name__)
 
     def place(self, z: complex) -> Pair:
         """Return a point of the linkage's own frame in the ground frame [m]."""
