@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import chain
@@ -104,7 +105,7 @@ def conform(engine: str, *, as_json: Json = False) -> int:
         raise UsageError(f"ENGINE: expected one name, or `file.py:Class`, got {quoted(engine)}")
     installed, missing = find_engines(asked)
     if missing:
-        print(*missing.values(), sep="\n")
+        print(*missing.values(), sep="\n", file=sys.stderr)
         return ENGINE_MISSING
     ((name, (spec, version)),) = installed.items()
     replied = list[Reply]()

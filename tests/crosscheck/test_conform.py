@@ -350,5 +350,5 @@ def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passe
     assert [one.returncode for one in (*told, missing)] == [2, 2, 5, 3]
     assert "no engine is called 'nobody'" in told[0].stderr
     assert told[1].stderr == "own.py: name the class in it, too, as in own.py:Mine\n"
-    assert missing.stdout == "there is no file nowhere.py\n"  # and no place in our code
+    assert (missing.stdout, missing.stderr) == ("", "there is no file nowhere.py\n")  # and no place in our code
     assert json.loads(told[2].stdout.splitlines()[-1])["replies"][0]["refusals"] == ["never"]
