@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from rich.console import Console
 
@@ -36,7 +36,7 @@ KEYS = {
     "pitch": "shift for each radian [m/rad]",
     "shift": "shift where the angle is 0 [m]",
     "spacing": "of the form `printed`: distance of two points of the axis [m]; by default the size of the mechanism",
-    "form": 'which rows state it: `"half"`, `"dot"` or `"printed"` ([theory](theory.md#joints-of-space))',
+    "form": "which rows state it: {} ([theory](theory.md#joints-of-space))",
     "joint": "the name of the joint that is driven",
     "joint_i": "the name of a joint between a wheel and the carrier: revolute, cylindrical or screw, with zeros",
     "joint_j": "the name of the other wheel's joint with the same carrier",
@@ -127,7 +127,8 @@ def key_rows(cls: Any) -> Iterator[str]:
         if key.name == "type":
             continue
         default = "needed" if key.default is MISSING else "none" if key.default is None else f"`{_toml(key.default)}`"
-        yield f"| `{key.name}` | {KEYS[key.name]} | {default} |"
+        words = " or ".join(f'`"{word}"`' for word in get_args(get_type_hints(cls)[key.name]))
+        yield f"| `{key.name}` | {KEYS[key.name].replace('{}', words)} | {default} |"
 
 
 def _toml(value: Any) -> str:

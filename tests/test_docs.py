@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shutil
@@ -13,6 +14,7 @@ import pytest
 from crosscheck.cli import main
 from crosscheck.measure.check import SHARPNESS, TURNED_ROUND
 from crosscheck.scenes import drawing
+from refkin import SpatialAngleDriver, SpatialRevolute
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
@@ -68,6 +70,15 @@ def test_every_joint_and_driver_has_a_scene_that_shows_it():
             scene = load(DOCS / "scenes" / (f"{name}.toml" if kind == "joint" else f"{name}-driver.toml"))
 
             assert cls in {type(c) for c in getattr(scene.mechanism, f"{kind}s")}
+
+
+def test_the_forms_that_the_book_tells_of_a_driver_of_space_are_those_that_it_may_have(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    key_rows = importlib.import_module("made").key_rows
+    told = {cls: row for cls in (SpatialRevolute, SpatialAngleDriver) for row in key_rows(cls) if "`form`" in row}
+
+    assert '`"half"` or `"dot"` or `"printed"` (' in told[SpatialRevolute]
+    assert 'it: `"half"` or `"dot"` (' in told[SpatialAngleDriver]
 
 
 def test_digits_beyond_the_attainable_ones_that_the_book_tells_are_those_of_the_sample_report():
