@@ -195,7 +195,10 @@ def _meaning(file: SceneFile, whole: bool = True) -> list[Fault]:
     of_mechanism = list(mechanism_faults(mechanism))
     misnamed = any(f.choices and f.path.startswith(("joint", "driver")) for f in of_mechanism)
     faults = [*grid, *of_mechanism, *([] if misnamed else loose), *scene]  # whom the misnamed ties is not known
-    follows = {"times": grid and not times, "driver": loose or not whole}  # what comes of what is wrong already
+    # A rod of space spins about its line, and needs a row fewer, by what its joints are to tie.
+    spin = isinstance(file, SpatialSceneFile) and any(f.expected == "two different bodies" for f in of_mechanism)
+    # What comes of what is wrong already:
+    follows = {"times": grid and not times, "driver": loose or not whole or spin}
     return [f for f in faults if not follows.get(f.path)]
 
 

@@ -84,6 +84,7 @@ def test_a_broken_file_of_space_gets_all_its_faults_at_once(tmp_path):
     [
         ('body_j = "crank"', 'body_j = "krank"', "joint[0].body_j"),  # and nothing of the driver, which has no such key
         ('name = "S1"\ntype = "spherical"', 'name = "S1"', "joint[1].type: expected this key, which is missing"),
+        ('body_j = "coupler"', 'body_j = "crank"', "joint[1]: expected two different bodies"),  # the coupler spins less
     ],
 )
 def test_a_fault_is_told_once_and_where_it_stands(good, bad, told, tmp_path):
