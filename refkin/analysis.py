@@ -9,7 +9,7 @@ acceleration phi_q qdd = gamma (K4) linear in qdd
 `sweep` solves a scene so, from one time to the next, and calls a pose `ok` by two numbers: its residual is what
 rounding leaves, and the smallest singular value of phi_q is well above zero. Nothing is proved, and nothing is seen of
 what happens between two times: for that there is `refkin.solve`. (Haug, Computer Aided Kinematics and Dynamics, 4;
-Nikravesh, Computer-Aided Analysis of Mechanical Systems, 3 and 5.)
+Nikravesh, Computer-Aided Analysis of Mechanical Systems, 3 and 4.)
 """
 
 from __future__ import annotations
