@@ -252,7 +252,7 @@ def hunt_of(tmp_path, monkeypatch, capsys):
         for module in (hunting, hunting_command):
             monkeypatch.setattr(module, "hunted", lambda engines: {"mujoco": "newton"})
         monkeypatch.setattr(hunting, "checkers", lambda *_: pool)
-        more = {"minutes": 0.02, "seed": 1, "out": tmp_path, "engines": "closed_form", **more}
+        more = {"minutes": 0.02, "seed": 1, "out": tmp_path, "engines": "mujoco", **more}
         code, told = hunting_command.hunt_worst(**more), capsys.readouterr()
         return code, told.out + told.err
 
@@ -323,7 +323,7 @@ def test_a_hunt_asks_as_replay_does(tmp_path, hunt_of, monkeypatch):
     pool, replayed = Pool(), Pool()
     hunt_of(pool)
     monkeypatch.setattr("crosscheck.commands.replay.checkers", lambda *_: replayed)
-    replay(tmp_path / "mujoco-newton-position.toml", engines="closed_form")
+    replay(tmp_path / "mujoco-newton-position.toml", engines="mujoco")
 
     assert replayed.jobs == pool.jobs[:1]
 
