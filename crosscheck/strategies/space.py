@@ -112,12 +112,7 @@ def _scene(draw: DrawFn, plan: SpacePlan, law: Law, size: float, times: tuple[fl
     joints = tuple(joint for joint in pose.joints if joint not in drivers)
     if draw(st.booleans(), label="bodies of joints the other way round"):
         joints = tuple(map(_reversed, joints))
-    structure = draw(st.sampled_from(STRUCTURES), label="structure")
-    if structure == "elements":
-        named = {plan.driven, *(getattr(joint, key, "") for joint in joints for key in ("joint_i", "joint_j"))}
-        joints = tuple(part for joint in joints for part in ((joint,) if joint.name in named else _elements(joint)))
-    if structure == "bracket":
-        joints += (_bracket(pose, draw(st.sampled_from(tuple(frames)), label="carrier"), direction(draw, "bracket")),)
+    joints = _structured(draw, plan, pose, joints)
     if plan.driven:
         drivers.append(plan.driver(name="driver", joint=plan.driven, **law_keys(law)))
     bodies = tuple(Body(name=body, estimate=_rough(*at, size)) for body, at in frames.items() if body != GROUND)
@@ -133,6 +128,18 @@ PARTS: dict[Any, tuple[type[Element], ...]] = {
     TurnAboutAxis: (AxesPerpendicular,),
 }
 """Elements that say together what one says: points meet on a line and in the plane across it, whichever it is."""
+
+
+def _structured(draw: DrawFn, plan: SpacePlan, pose: SpaceAssembly, joints: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return joints as they are, in parts of one element each, or with a body more that is fixed to another."""
+    structure = draw(st.sampled_from(STRUCTURES), label="structure")
+    if structure == "elements":
+        named = {plan.driven, *(getattr(joint, key, "") for joint in joints for key in ("joint_i", "joint_j"))}
+        return tuple(part for joint in joints for part in ((joint,) if joint.name in named else _elements(joint)))
+    if structure == "bracket":
+        carrier = draw(st.sampled_from(tuple(pose.frames)), label="carrier")
+        return (*joints, _bracket(pose, carrier, direction(draw, "bracket")))
+    return joints
 
 
 def _elements(joint: Any) -> list[Any]:
