@@ -34,7 +34,7 @@ class Fault:
 
     def __str__(self) -> str:
         text = re.sub(r"np\.float64\((.+?)\)", r"\1", repr(self.value))  # a number, as Python shows it
-        got = f", got {text[:LONGEST]}{' ...' * (len(text) > LONGEST)}" * (self.value is not None)
+        got = "" if self.value is None else f", got {text[:LONGEST]}{' ...' if len(text) > LONGEST else ''}"
         return printable(f"{self.path}: expected {self.expected}{got}{f' ({self.where})' if self.where else ''}")
 
 

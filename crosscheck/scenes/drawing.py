@@ -64,14 +64,15 @@ COSTS = {
     **{"RSSR": 3.0, "RSSP": 3.0, "PSSR": 3.0, "Stewart": 2.5, "geared": 1.5, "screw": 1.5},
     **{"five-bar with two drivers": 3.0, "branching tree": 3.5, "six-bar": 1.5},
 }
-"""How many times as long as a four-bar a scene of a kind takes, about; others take as long. Counted, a night has a
-seventh more scenes than were all called alike, and as many pairs of features."""
+"""How many times as long as a four-bar a scene of a kind took in a night, about; others take as long. When they were
+first counted a night had a seventh more scenes than were all called alike, and as many pairs of features."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; then one of `CANDIDATES` scenes, which adds most for its time."""
 CANDIDATES = 2
 WELL_KNOWN, PART = 4, 4
 """A scene every two of whose features a night has met so often is checked at one of so many parts of its times, of
-linkages the one that is nearest to a singular pose: the night moves on to what it knows less of."""
+linkages the one that is nearest to a singular pose, or at so many times fewer (`shortened`): the night moves on to what
+it knows less of."""
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind. The simplest ticket, 0, has no scene:

@@ -128,6 +128,7 @@ PARTS: dict[Any, tuple[type[Element], ...]] = {
     TurnAboutAxis: (AxesPerpendicular,),
 }
 """Elements that say together what one says: points meet on a line and in the plane across it, whichever it is."""
+ENDS = {f"{end}_{side}" for end in ("body", "point", "axis") for side in "ij"}
 
 
 def _structured(draw: DrawFn, plan: SpacePlan, pose: SpaceAssembly, joints: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -153,12 +154,10 @@ def _elements(joint: Any) -> list[Any]:
 
 def _of_one(name: str, element: Any, kind: Any) -> Any:
     """Return a joint that says what an element says, or a part of it; turns are held by zeros across each other."""
-    ends = {"axis_i": (0.0, 0.0, 1.0)} | vars(element)
+    ends: dict[str, Any] = {"axis_i": (0.0, 0.0, 1.0)} | vars(element)
     if isinstance(element, TurnAboutAxis):
-        ends |= {"axis_i": element.zero_i, "axis_j": tuple(np.cross(element.axis_j, element.zero_j or ()).tolist())}
-    keys = {field.name for field in fields(kind)} & {
-        f"{end}_{side}" for end in ("body", "point", "axis") for side in "ij"
-    }
+        ends |= {"axis_i": ends["zero_i"], "axis_j": tuple(np.cross(ends["axis_j"], ends["zero_j"]).tolist())}
+    keys = {field.name for field in fields(kind)} & ENDS
     return kind(name=f"{name} {kind.type}", **{key: ends[key] for key in keys})
 
 

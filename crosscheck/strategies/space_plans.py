@@ -178,7 +178,7 @@ def drawn_coupler(
     decades : (float, float)
         Of the distance from what the region goes to.
     reach : callable
-        Inputs (N,) [rad] -> least and greatest distance that a coupler spans at each (N,).
+        Inputs (N,) [rad], or displacements -> least and greatest distance that a coupler spans at each (N,).
     """
     regular = Region.REGULAR if region in (Region.LIMIT, Region.FOLD) else region
     first, last = drawn_span(draw)
