@@ -196,6 +196,18 @@ def test_a_lever_at_the_full_reach_of_its_cylinder_turns_back_though_nothing_els
     assert (reached.bodies, reached.other_driver) == (("lever",), "the angle of lever")
 
 
+@pytest.mark.parametrize(("angle", "regular"), [(math.pi, False), (2.0, True)])
+def test_whether_a_pose_is_regular_is_asked_where_its_bodies_are_in_frames_near_the_joints(angle, regular):
+    far = 2.0**10
+    lever = Body(name="lever", estimate=(far * math.sin(angle), -far * math.cos(angle), angle))
+    reached = cylinder(GROUND, (1.0, 0.0), "lever", (1.0, far), 2.0)
+    mechanism = Mechanism((lever,), (pin("O", GROUND, (0.0, 0.0), "lever", (0.0, far)),), (reached,))
+    system = compile_system(mechanism, unit=mechanism.unit())
+
+    assert recentred(system).furthest > 0.0
+    assert recentred(system).is_regular(system.to_unit(np.array(lever.estimate)), 0.0) is regular
+
+
 def test_with_the_other_driver_the_same_pose_is_regular():
     assert refkin.diagnose(at(SliderCrank(0.25, 0.5), 0.0)).kind is PoseKind.REGULAR
 
