@@ -57,9 +57,8 @@ def test_a_night_asks_features_of_the_scenes_drawn_for_them_and_shows_them_by_th
     assert {(row["engine"], row["feature"]) for row in report["features"]} == FEATURES
     assert not {(row["engine"], row["method"]) for row in report["methods"]} & FEATURES
     assert all(row["reason"] in unescape(page) for row in report["features"] if row["wrong"])
-    assert methods_of(case.disagreement for case in empty.new) & FEATURES == {
-        (row["engine"], row["feature"]) for row in report["features"] if row["wrong"]
-    }
+    wrong = {(row["engine"], row["feature"]) for row in report["features"] if row["wrong"]}
+    assert methods_of(case.disagreement for case in empty.new) == wrong | {("exudyn", "shipped")}  # in space
 
 
 def agrees(engine: str, feature: str) -> bool:
