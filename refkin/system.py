@@ -117,7 +117,7 @@ class System:
         for k, shift in enumerate(self.unit.origin):
             at = out[k : self.of_bodies : self.kind.width]
             at *= self.unit.size
-            if not order and np.any(shift):
+            if not order:
                 at += shift
         return out
 

@@ -22,10 +22,10 @@ from refkin.joints import Unit
 from refkin.joints.elements import Triple
 from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
-from refkin.model import Evidence, Scene
+from refkin.model import Evidence
 from refkin.motion import SINGULAR, CertifiedRadius, Motion, Producer, Route, Seeding, Status, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
-from refkin.proof.numbers.inputs import half_ulp, has_digits
+from refkin.proof.numbers.inputs import coordinates_have_digits, half_ulp
 from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64, are_sharp
@@ -74,7 +74,7 @@ def motion(ready: Prepared, levels: list[Any], pivot: Any, message: str = "") ->
         return None
     near = np.flatnonzero(~(pivot > CLEAR))
     levels = without_spin(system, _by_pivots(system, levels, t, near))
-    evidence = _evidence(scene, system, ready.made, levels, t, near)
+    evidence = _evidence(ready, levels, near)
     if evidence is None:
         return None
     sigma_min, condition, radius, covered = evidence
@@ -154,19 +154,17 @@ def _still(line: Any, q: Any, rates: Any, spin: Any = None) -> tuple[tuple[Any, 
     return (velocity, np.array((*acceleration.parts, *on.parts))), (rate, bend)
 
 
-def _evidence(
-    scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, near: Any
-) -> tuple[Any, Any, CertifiedRadius | None, str] | None:
+def _evidence(ready: Prepared, levels: list[Any], near: Any) -> tuple[Any, Any, CertifiedRadius | None, str] | None:
     """Return smallest singular value, condition, certified radii, what these cover; None if a pose fails, or may."""
-    count, asked = len(t), Evidence.CONDITION in scene.evidence
-    sigma_min, condition = nowhere(count), nowhere(count)
-    proved = Evidence.CERTIFICATE in scene.evidence
+    system, t = ready.system, ready.t
+    asked, proved = (evidence in ready.scene.evidence for evidence in (Evidence.CONDITION, Evidence.CERTIFICATE))
+    sigma_min, condition = nowhere(len(t)), nowhere(len(t))
     if proved and near.size:
         return None  # there the reference also proves that the branch was never changed
-    if not proved and not has_digits(system, np.max(np.abs(levels[0]), axis=1, keepdims=True), np.max(np.abs(t))).all():
+    if not proved and not (ready.laws_have_digits and coordinates_have_digits(levels[0]).all()):
         return None
     if asked or near.size:
-        at = np.arange(count) if asked else near
+        at = np.arange(len(t)) if asked else near
         here = system.held_at(levels[0][:, at])
         slope = np.moveaxis(here.phi_q(levels[0][:, at], t[at]), -1, 0)
         sigma = np.linalg.svd(slope, compute_uv=False)
@@ -177,7 +175,7 @@ def _evidence(
             with np.errstate(divide="ignore"):
                 sigma_min, condition = smallest, sigma[:, 0] / smallest
     if proved:
-        certified = _certified(system, made, levels, t)
+        certified = _certified(system, ready.made, levels, t)
         return None if certified is None else (sigma_min, condition, *certified)
     return sigma_min, condition, None, ""
 

@@ -18,6 +18,7 @@ from refkin.model import Evidence, Mechanism, Scene
 from refkin.motion import Status
 from refkin.proof.formulas import agreeing
 from refkin.proof.numbers.extrema import extrema_of
+from refkin.proof.numbers.inputs import laws_have_digits
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.solving.starts import Start, find_start
 from refkin.system import System, compile_system
@@ -50,6 +51,11 @@ class Prepared:
         placed = enumerate(self.system.placed)
         with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
             return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+
+    @cached_property
+    def laws_have_digits(self) -> bool:
+        """Whether rounding of the laws is too little to be asked about, at all times."""
+        return bool(laws_have_digits(self.system, np.max(np.abs(self.t))))
 
     @cached_property
     def checked(self) -> System:

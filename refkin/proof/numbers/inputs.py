@@ -29,7 +29,12 @@ def has_digits(system: System, q: Any, t: Any) -> Any:
     t : (B,) array
         Times [s].
     """
-    return (U * np.max(np.abs(q), axis=0) <= SINGULAR) & laws_have_digits(system, t)
+    return coordinates_have_digits(q) & laws_have_digits(system, t)
+
+
+def coordinates_have_digits(q: Any) -> Any:
+    """Return at which poses (n, B) rounding of coordinates is too little to be asked about, (B,)."""
+    return U * np.max(np.abs(q), axis=0) <= SINGULAR
 
 
 def laws_have_digits(system: System, t: Any) -> Any:

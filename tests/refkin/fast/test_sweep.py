@@ -35,7 +35,7 @@ from refkin import (
 )
 from refkin.fast import attempt, sweep
 from refkin.fast.elimination import run
-from refkin.fast.prepare import prepared
+from refkin.fast.prepare import Prepared, prepared
 from refkin.fast.redundant import by_all_rows
 from refkin.proof.path import branch
 from refkin.scenes.linkages import RSSR
@@ -386,10 +386,25 @@ def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():
     system = system_of(scene)
     poses = [np.concatenate([linkage.assemble(angle)[b.name] for b in scene.mechanism.bodies]) for angle in (0.5, 0.0)]
     q = np.array([system.to_unit(pose) for pose in poses]).T
-    times, near = np.array(scene.times), np.arange(2)
+    first, both = (Prepared(replace(scene, times=scene.times[:count]), system, None) for count in (1, 2))
 
-    assert answer._evidence(scene, system, None, [q[:, :1]], times[:1], near[:1]) is not None
-    assert answer._evidence(scene, system, None, [q], times, near) is None
+    assert answer._evidence(first, [q[:, :1]], np.arange(1)) is not None
+    assert answer._evidence(both, [q], np.arange(2)) is None
+
+
+LOST = math.tau * 2e8
+"""So far numbers have 2e-7 left: more than what a pose is called singular by [rad]."""
+
+
+@pytest.mark.parametrize(("late", "off"), [(LOST, 0.0), (0.0, LOST)], ids=["of a law", "of a coordinate"])
+def test_where_numbers_have_no_digits_it_is_left_to_the_reference(late, off):
+    """A law that adds up large numbers to a small one; an estimate off by so many turns."""
+    scene = bare(ROCKER.scene(law=Polynomial(coefficients=(0.3 - late, 1.0)), times=(late,)))
+    crank, coupler, rocker = scene.mechanism.bodies
+    x, y, phi = coupler.estimate
+    bodies = (crank, replace(coupler, estimate=(x, y, phi + off)), rocker)
+
+    assert attempt(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))) is None
 
 
 # Planted faults. Each replaces code that a sweep runs.
