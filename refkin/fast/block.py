@@ -33,7 +33,7 @@ from refkin.model import Evidence
 from refkin.motion import Status
 from refkin.newton import CONTRACTION, ROUND_OFF
 from refkin.proof.numbers.extrema import extrema_of
-from refkin.proof.numbers.inputs import half_ulp, laws_have_digits
+from refkin.proof.numbers.inputs import coordinates_have_digits, half_ulp, laws_have_digits
 from refkin.solving.starts import NEARBY
 from refkin.system import compile_system
 
@@ -279,7 +279,7 @@ class Block:
         Nor is one ok whose rates are not finite, or whose laws have no digits and of which nothing is proved.
         """
         q, highest = self.space.level(0), self.space.level(self.made.levels - 1)
-        digits = laws_have_digits(self.system, t)
+        digits = laws_have_digits(self.system, t) & coordinates_have_digits(q)
         if self.proof is not None and not np.all(digits):
             digits = digits | np.isfinite(self.radii(t)[0])
         self.codes[self.alive & ~(digits & np.isfinite(np.add.reduce(highest)))] = code
