@@ -158,7 +158,7 @@ def _numbers(path: str, value: Any) -> Any:
         raise _wrong(path, value, "a number or a row (M,) of numbers")
     if row.ndim > 1:
         raise _wrong(path, row.shape, "a number or a row (M,)")
-    return np.asarray(row, float).view(Row) if row.ndim else float(row)
+    return np.array(row, float).view(Row) if row.ndim else float(row)  # a copy: the given one may be written over
 
 
 def _mapping(path: str, value: Any, expected: str) -> None:

@@ -23,6 +23,7 @@ from refkin.fast.family import Family, family
 from refkin.fast.given import Estimates, Geometry
 from refkin.fast.prepare import dropped, upstream
 from refkin.joints import PLANE, polar_cams
+from refkin.joints.annotations import check, is_flag
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
 from refkin.proof.formulas import agreeing
@@ -103,11 +104,16 @@ class Many:
 
     def status(self, sample: int) -> tuple[Status, ...]:
         """Return the statuses of one mechanism."""
-        return tuple(CODES[code] for code in self.codes[sample])
+        return tuple(CODES[code] for code in self.codes[self._number(sample)])
 
     def scene(self, sample: int) -> Scene:
         """Return the scene of one mechanism, with the evidence that was asked: for `sweep` or `refkin.solve`."""
-        return self.family.sample(sample)
+        return self.family.sample(self._number(sample))
+
+    def _number(self, sample: int) -> int:
+        count, whole = self.family.size, isinstance(sample, int | np.integer) and not is_flag(sample)
+        check("sample", f"a whole number from 0 to {count - 1}", sample, whole and 0 <= sample < count)
+        return sample
 
 
 def solve_many(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import re
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -535,6 +536,25 @@ def test_a_mechanism_that_no_scene_may_have_is_not_ok_and_changes_no_other(fault
     assert np.array_equal(many.q[:, others], good.q[:, others])
     with pytest.raises(InvalidScene):
         many.scene(1)
+
+
+@pytest.mark.parametrize("sample", [2, -1, 0.0, "0", None, True])
+@pytest.mark.parametrize("asked", ["scene", "status"])
+def test_a_mechanism_that_is_not_there_is_told(asked, sample):
+    many = solve_many(scene(3), {"A": {"point_j": (-1.75 * np.ones(2), 0.0)}})
+
+    with pytest.raises(InvalidRequest, match=re.escape(f"sample: expected a whole number from 0 to 1, got {sample!r}")):
+        getattr(many, asked)(sample)
+
+
+def test_rows_that_are_written_over_afterwards_change_no_mechanism():
+    """The scene was that of a mechanism that nobody had solved."""
+    row = -1.75 * np.ones(2)
+    many = solve_many(scene(3), {"A": {"point_j": (row, 0.0)}})
+    first = many.scene(1)
+    row[:] = -1.5
+
+    assert many.scene(1) == first
 
 
 def test_a_scene_without_estimates_is_refused():
