@@ -23,7 +23,7 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.errors import expect
 from refkin.joints import initial_contacts
-from refkin.joints.annotations import numbers
+from refkin.joints.annotations import Named, numbers
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import (
     SINGULAR,
@@ -248,13 +248,13 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
     radii = vars((Evidence.CERTIFICATE in scene.evidence and evidence["certified_radius"]) or no_radius(len(t)))
     kept = {name: radii[name] if want else nowhere(len(t)) for name, want in zip(radii, wanted, strict=True)}
     evidence["certified_radius"] = CertifiedRadius(**kept)
-    points = {}
+    points = Named()
     for point in scene.points:
         at = system.columns(point.body)
         moved = point_motion(point.position, *(None if level is None else level[at] for level in levels))
         points[point.name] = replace(moved, v=moved.v if wanted[1] else None, a=moved.a if wanted[2] else None)
     own = (p for p in system.placed if p.constraint.parameters)
-    contacts = {p.constraint.name: ContactMotion(*called_for(p.starts[2])) for p in own}
+    contacts = Named((p.constraint.name, ContactMotion(*called_for(p.starts[2]))) for p in own)
     every = scene.bodies_wanted is None
     q, qd, qdd = called_for(np.s_[: system.of_bodies] if every else np.r_[*map(system.columns, scene.wanted)])
     return Motion(t=t, bodies=scene.wanted, q=q, qd=qd, qdd=qdd, points=points, contacts=contacts, **evidence)

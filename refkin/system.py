@@ -16,7 +16,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidRequest, InvalidScene, NotCalledFor, RefkinError, expect
 from refkin.joints import GROUND, SI, Constraint, Kind, Unit
-from refkin.joints.annotations import check, is_real, numbers
+from refkin.joints.annotations import Named, check, is_real, numbers
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
 
@@ -57,7 +57,7 @@ class System:
 
     def columns(self, body: str) -> slice:
         """Return where the coordinates of a body sit in q."""
-        start = self.kind.width * [b.name for b in self.mechanism.bodies].index(body)
+        start = Named((b.name, self.kind.width * k) for k, b in enumerate(self.mechanism.bodies))[body]
         return slice(start, start + self.kind.width)
 
     def parameter(self, joint: str) -> slice:

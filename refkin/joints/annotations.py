@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 
 from refkin.errors import LONGEST as QUOTED
-from refkin.errors import Fault, InvalidRequest
+from refkin.errors import Fault, InvalidRequest, UnknownName
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 
@@ -116,6 +116,13 @@ def numbers(name: str, value: Any, expected: str, *shapes: tuple[int | None, ...
     if given.shape not in shapes and (*given.shape[:-1], None) not in shapes:
         raise InvalidRequest(name, expected, f"shape {given.shape}")
     return given
+
+
+class Named(dict[str, Any]):
+    """Parts by their names; UnknownName has those that there are."""
+
+    def __missing__(self, name: str) -> Any:
+        raise UnknownName("part", name, tuple(self))
 
 
 def _reals(value: Any) -> Any:

@@ -235,6 +235,11 @@ ASKED = {
         scene(), until=ROW
     ),
     "no body is called array([1., 2.]); there are: crank": lambda: refkin.solve(scene())[ROW],
+    "no part is called 'x'; there are: tip": lambda: refkin.solve(
+        scene(points=[Point(name="tip", body="crank", position=(1.0, 0.0))])
+    ).points["x"],
+    "no part is called 'x'; there are: none": lambda: refkin.solve(scene()).contacts["x"],
+    "no part is called 'x'; there are: crank": lambda: SYSTEM.columns("x"),
     "t: expected a finite time [s], got 'x'": lambda: refkin.solve(scene()).plot("x"),
     "t: expected a finite time [s], got 1000": lambda: refkin.solve(scene()).plot(10**400),
     "velocity: expected True or False, got array([1., 2.])": lambda: refkin.solve(scene()).plot(velocity=ROW),
