@@ -211,15 +211,15 @@ def read(numbers: Any, batch: int, wide: Any = float) -> Bounds:
     wide : type
         Of the numbers that are returned.
     """
-    mid, rounding, spread = (np.zeros((*numbers.shape, batch), kind) for kind in (wide, float, float))
-    for place, x in np.ndenumerate(numbers):
+    mid, rounding, spread = (np.zeros((numbers.size, batch), kind) for kind in (wide, float, float))
+    for place, x in enumerate(numbers.flat):
         if isinstance(x, Bounded):
             mid[place], rounding[place], spread[place] = x.mid, x.rounding, x.spread + TINY
             if x.unit < U and wide is float:
                 rounding[place] += U * x.size
         elif not isinstance(x, int) or x:
             mid[place] = x
-    return Bounds(mid, rounding * UP, spread * UP)
+    return Bounds(*(part.reshape(*numbers.shape, batch) for part in (mid, rounding * UP, spread * UP)))
 
 
 def off_by(slope: Bounds, rates: Any, right: Bounds) -> Bounds:
