@@ -56,9 +56,12 @@ Place = Callable[[Any], Vec3]
 
 
 def certain_miss(system: System, t: float) -> DeadEnd | None:
-    """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
+    """Return the proof that drivers contradict each other at time t, or that some link does not reach; else None."""
     with ctx.workprec(PRECISION):
         reader = _SpatialReader(system, t)
+        for gap, words in reader.contradictions():
+            if gap > 0:
+                return DeadEnd(gap, partial(str, words))
         for link, near, far, body, reach in reader.links():
             gap = reader.gap(near, far, body, reach)
             if gap is not None and gap > 0:
@@ -144,6 +147,25 @@ class _SpatialReader:
             return there
 
         self.places[c.body_j] = place
+
+    def contradictions(self) -> Iterator[tuple[Ball, str]]:
+        """Yield how far apart two values are that drivers ask of one joint, scaled, and that in words."""
+        first: dict[Any, tuple[str, Ball]] = {}
+        for driver in self.mechanism.constraints[len(self.mechanism.joints) :]:
+            for e in driver.elements():
+                if not isinstance(e, TurnAboutAxis | ShiftAlongAxis):
+                    continue
+                joint, turning = driver.joint, isinstance(e, TurnAboutAxis)  # type: ignore[attr-defined]
+                what, unit, size = ("an angle", "rad", 1.0) if turning else ("a displacement", "m", self.size)
+                value = self._value(e.laws[0], size)
+                name, other = first.setdefault((joint, turning), (driver.name, value))
+                gap = abs(value - other)
+                if turning and driver.form != "counted":  # type: ignore[attr-defined]
+                    turn = 2 * arb.pi()  # of which any number leads to the same angle
+                    gap = abs(gap - turn * ((gap / turn).mid() + 0.5).floor())
+                if name != driver.name:
+                    off = f"{float((gap * size).mid()):.6g} {unit} off that of {name}"
+                    yield gap, f"{driver.name} asks for {what} of {joint} that is {off}"
 
     def links(self) -> Iterator[tuple[str, Vec3, Any, str, Ball]]:
         """Yield links from a point that stands: name, that point, the other end's point and body, the length."""

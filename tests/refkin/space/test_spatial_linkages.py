@@ -14,7 +14,8 @@ from flint import arb, ctx
 import refkin
 from refkin import fast
 from refkin.fast.answer import _still
-from refkin.joints import SpatialDistanceDriver, SpatialRevolute
+from refkin.joints import SpatialDistanceDriver, SpatialPrismatic, SpatialRevolute
+from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver
 from refkin.joints.spatial_frames import frame, root
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
@@ -463,6 +464,39 @@ def test_a_link_is_proved_not_to_reach_exactly_where_the_closed_form_says_so(lin
 
     assert proved == [not _assembles(linkage, value) for value in inputs]
     assert set(proved) == {False, True}
+
+
+def _held_twice(joint, driver, first, second):
+    """A bolt on one joint of the ground that two drivers move as two laws say."""
+    x, z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    axes = {"zero_i": x, "zero_j": x, "axis_i": z, "axis_j": z}
+    ends = {"body_i": "ground", "body_j": "bolt", "point_i": (0.0, 0.0, 4.0), "point_j": (0.0, 0.0, 0.0)}
+    drivers = tuple(driver(name=name, joint="J", law=law) for name, law in (("one", first), ("other", second)))
+    body = Body(name="bolt", estimate=(0.0, 0.0, 4.0, 1.0, 0.0, 0.0, 0.0))
+    return Mechanism((body,), (joint(name="J", **axes, **ends),), drivers)
+
+
+TURNS, SHIFTS = (SpatialRevolute, SpatialAngleDriver), (SpatialPrismatic, DisplacementDriver)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "off", "missing"),
+    [
+        (TURNS, 0.5, "other asks for an angle of J that is 0.5 rad off that of one"),
+        (SHIFTS, 0.5, "other asks for a displacement of J that is 0.5 m off that of one"),
+        (TURNS, -1e-9 - math.tau, "other asks for an angle of J that is 1e-09 rad off that of one"),
+        (TURNS, 6 * math.tau, ""),
+        (TURNS, 0.0, ""),
+        (SHIFTS, 0.0, ""),
+    ],
+)
+def test_drivers_of_one_joint_that_contradict_each_other_are_told(kinds, off, missing):
+    """It was: the search found none."""
+    laws = (Polynomial(coefficients=(value, 1.0)) for value in (0.25, 0.25 + off))
+    motion = refkin.solve(Scene(mechanism=_held_twice(*kinds, *laws), times=(0.0, 0.5)))
+
+    assert motion.verdict is (Status.UNASSEMBLABLE if missing else Status.OK)
+    assert motion.message.startswith(missing)
 
 
 @pytest.mark.parametrize("length", [0.3, 9.0])
