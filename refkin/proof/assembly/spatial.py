@@ -6,7 +6,8 @@ body on two spherical joints, keeps it on a sphere around a point that stands. W
 there is no pose: the gap is what is missing. So ends an RSSR whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short.
 Of any mechanism the points that coincide, and the distances that are given, make loops (`point_rows`), of which none
 may have a side longer than all the others together; nor may one that an axis closes, along which all may slide, be
-wider across it than the rest is long (`assembly`). Where rows are redundant all numbers are spread, as in `rows`.
+wider across it than the rest is long (`assembly`). All numbers are spread as in `rows`: which rows are redundant a
+count does not tell where others are lacking.
 
 Of the assemblies nothing is proved to be all there is. Starts come from a fixed sequence: orientations spread evenly
 over all turns (Shoemake, Uniform random rotations, 1992, on Halton's sequence), origins within the mechanism's size.
@@ -99,7 +100,7 @@ def point_rows(system: System, t: float) -> list[PointRow]:
 class _SpatialReader:
     def __init__(self, system: System, t: float) -> None:
         self.mechanism, self.t = system.mechanism, arb(float(t))
-        self.size, self.spread = system.unit.size, SPREAD if system.m > system.n else 0.0
+        self.size = system.unit.size
         self.joints = {c.name: (c, exact(c)) for c in self.mechanism.joints}
         self.places: dict[str, Place] = {GROUND: self.vector}
         for driver in self.mechanism.constraints[len(self.mechanism.joints) :]:
@@ -117,16 +118,16 @@ class _SpatialReader:
 
     def distance(self, e: Any) -> Ball:
         """Return how far apart an element keeps two points, scaled; a law may be negative."""
-        return abs(self._value(e.laws[0], self.size) if e.laws else wide(arb(e.length) / self.size, self.spread))
+        return abs(self._value(e.laws[0], self.size) if e.laws else wide(arb(e.length) / self.size, SPREAD))
 
     def _wide(self, parts: Iterable[Any]) -> Vec3:
-        return Vec3(*(wide(x, self.spread) for x in parts))
+        return Vec3(*(wide(x, SPREAD) for x in parts))
 
     def _value(self, law: Any, size: float = 1.0) -> Ball:
         """Return a law's value, scaled; its numbers are spread, and the time, which moves it by its rate."""
         value, rate = (arb(exact(law)(self.t, order)) / size for order in (0, 1))
-        off = arb(exact(law, self.spread)(self.t, 0)).rad() / size
-        return value + arb(0, 1) * (off.max(self.spread) + self.spread * abs(self.t * rate))
+        off = arb(exact(law, SPREAD)(self.t, 0)).rad() / size
+        return value + arb(0, 1) * (off.max(SPREAD) + SPREAD * abs(self.t * rate))
 
     def _place(self, driver: Any, joint: Any, turning: bool) -> None:
         """Note where a body stands that a driver holds on a hinge, or on a slide, of the ground."""

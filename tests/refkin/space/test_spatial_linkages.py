@@ -14,7 +14,7 @@ from flint import arb, ctx
 import refkin
 from refkin import fast
 from refkin.fast.answer import _still
-from refkin.joints import SpatialDistanceDriver, SpatialPrismatic, SpatialRevolute
+from refkin.joints import SPACE, SpatialDistanceDriver, SpatialPrismatic, SpatialRevolute, Spherical
 from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver
 from refkin.joints.spatial_frames import frame, root
 from refkin.joints.spatial_vectors import Vec3
@@ -497,6 +497,25 @@ def test_drivers_of_one_joint_that_contradict_each_other_are_told(kinds, off, mi
 
     assert motion.verdict is (Status.UNASSEMBLABLE if missing else Status.OK)
     assert motion.message.startswith(missing)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_balls_of_one_body_that_agree_but_for_rounding_are_assembled_beside_bodies_that_nothing_drives(seed):
+    """Three rows are redundant and three are lacking: of rows there were none too many, and 2e-15 m were missing."""
+    draw, place = np.random.default_rng(seed), np.array([300.0, 100.0, 70.0])
+    turn, ends = draw.normal(size=4), draw.normal(size=(3, 3))
+    there = place + ends @ SPACE.values(*place, *(turn / np.linalg.norm(turn))).rotation().T
+    pairs = [
+        {"body_i": "ground", "point_i": at, "body_j": "plate", "point_j": u} for at, u in zip(there, ends, strict=True)
+    ]
+    balls = [Spherical(name=f"ball {k}", **pair) for k, pair in enumerate(pairs)]
+    hinge = {"body_i": "ground", "point_i": place, "point_j": ends[0], "axis_i": turn[:3], "axis_j": turn[:3]}
+    hinges = [SpatialRevolute(name=f"hinge of {k}", body_j=f"bolt {k}", **hinge) for k in range(3)]
+    bodies = [Body(name=name, estimate=(*place, *turn)) for name in ("plate", "bolt 0", "bolt 1", "bolt 2")]
+    motion = refkin.solve(Scene(mechanism=Mechanism(bodies, (*balls, *hinges)), times=(0.0,)))
+
+    assert motion.verdict is Status.SINGULAR, motion.message
+    assert "idle motion" in motion.message
 
 
 @pytest.mark.parametrize("length", [0.3, 9.0])
