@@ -18,7 +18,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import motion_laws, moved
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
-from crosscheck.strategies.spans import Binned
+from crosscheck.strategies.spans import Binned, check_asked
 from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Sinusoid
@@ -43,10 +43,9 @@ def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **bounds:
     **bounds : float
         `min_size` and `max_size` of the crank [m].
     """
-    wanted = tuple(kind for kind in KINDS if kinds is None or kind in kinds)
-    if not wanted or samples < 1:
-        raise ValueError(f"expected kinds, samples >= 1; got {kinds!r}, {samples!r}")
-    return _chains(wanted, samples, **bounds)
+    asked = KINDS if kinds is None else kinds
+    check_asked(samples, kinds=(asked, KINDS))
+    return _chains(tuple(kind for kind in KINDS if kind in asked), samples, **bounds)
 
 
 def geared_linkages(**bounds: Any) -> SearchStrategy[Chain]:

@@ -20,7 +20,7 @@ from crosscheck.strategies.linkages import (
     longest,
     slider_cranks,
 )
-from crosscheck.strategies.spans import Hardness, Input, draw_span, turning_inputs
+from crosscheck.strategies.spans import Hardness, Input, check_asked, draw_span, turning_inputs
 from crosscheck.strategies.variety import Variant, draw_variant
 from refkin.joints import GROUND
 from refkin.model import Body, Mechanism, Scene
@@ -140,9 +140,8 @@ def drawn_scenes(
         As for `four_bars`.
     """
     bounds = {"min_size": min_size, "max_size": max_size, "max_ratio": max_ratio, "max_offset": max_offset}
+    check_asked(samples, kinds=(kinds, KINDS), hardness=(hardness, Hardness))
     made = [(h, k) for h in Hardness if h in hardness for k in KINDS if k in kinds]
-    if not made or samples < 1:
-        raise ValueError(f"expected kinds, hardness, samples >= 1; got {kinds!r}, {hardness!r}, {samples!r}")
     linkages = {(h, k): KINDS[k](**bounds, **_class_bounds(k, h, decades)) for h, k in made}
     return scenes_of(linkages, decades, samples)
 

@@ -18,7 +18,7 @@ from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import Array, Region, SpaceAssembly, SpacePlan, direction, joint_frame, turn
-from crosscheck.strategies.spans import Binned
+from crosscheck.strategies.spans import Binned, check_asked
 from refkin.joints import (
     GROUND,
     SPATIAL_JOINT_TYPES,
@@ -68,11 +68,11 @@ def spatial_scenes(
     samples : int
         How many times a scene has.
     """
-    wanted = [
-        (kind, r) for kind, (_, own) in KINDS.items() if kinds is None or kind in kinds for r in own if r in regions
-    ]
-    if not wanted or samples < 1:
-        raise ValueError(f"expected kinds, regions, samples >= 1; got {kinds!r}, {regions!r}, {samples!r}")
+    asked = KINDS if kinds is None else kinds
+    check_asked(samples, kinds=(asked, KINDS), regions=(regions, Region))
+    wanted = [(kind, r) for kind, (_, own) in KINDS.items() if kind in asked for r in own if r in regions]
+    if not wanted:
+        raise ValueError(f"regions: expected some of those that {', '.join(asked)} may go to, got {regions!r}")
     return _spatial(tuple(wanted), decades, samples)
 
 

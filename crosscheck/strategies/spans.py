@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
+import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
+from refkin.joints.annotations import is_flag
 from refkin.model import Member, Scene
 from refkin.scenes.linkages import ANYWHERE, Branch, Interval, InvertedSliderCrank, SliderCrank
 
@@ -27,6 +30,26 @@ class Hardness(Member):
     REGULAR = "regular"
     LIMIT = "limit"
     CHANGE_POINT = "change-point"
+
+
+def check_asked(samples: int, **asked: tuple[Collection[str], Iterable[str]]) -> None:
+    """Raise ValueError of a number of times below 1, and of words, by name, of which some are not among those known.
+
+    A word that is not known would draw nothing, and nobody would miss it; of letters each would be looked for.
+
+    Parameters
+    ----------
+    samples : int
+        How many times a scene is to have.
+    **asked : (collection of str, iterable of str)
+        What is given by this name, and what is known.
+    """
+    for name, (given, known) in asked.items():
+        words = isinstance(given, Collection) and not isinstance(given, str)
+        if not (words and len(given) and all(word in tuple(known) for word in given)):
+            raise ValueError(f"{name}: expected some of {', '.join(known)}, in a list, got {given!r}")
+    if not (isinstance(samples, int | np.integer) and not is_flag(samples) and samples >= 1):
+        raise ValueError(f"samples: expected a whole number from 1 on, got {samples!r}")
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def test_an_engine_that_does_not_know_a_joint_refuses_it_by_name_and_does_not_fa
 
 @pytest.mark.parametrize(("kinds", "samples"), [(["six-bar"], 0), (["gears"], 5)])
 def test_impossible_bounds_are_an_error(kinds, samples):
-    with pytest.raises(ValueError, match="expected kinds, samples >= 1"):
+    with pytest.raises(ValueError, match=r"kinds: expected some of|samples: expected a whole number"):
         chains(kinds=kinds, samples=samples)
 
 

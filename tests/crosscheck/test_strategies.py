@@ -17,12 +17,14 @@ from hypothesis import strategies as st
 from crosscheck.scenes.drawing import own_choices_only
 from crosscheck.strategies import (
     Hardness,
+    chains,
     drawn_scenes,
     four_bars,
     inverted_slider_cranks,
     motion_laws,
     scenes,
     slider_cranks,
+    spatial_scenes,
 )
 from crosscheck.strategies.scenes import KINDS
 from crosscheck.strategies.spans import turning_inputs
@@ -408,9 +410,20 @@ def test_monotone_laws_go_from_end_to_end_without_a_stop(data, first, step, dura
         (slider_cranks, {"slack_decades": (10, 3)}, "slack_decades"),
         (slider_cranks, {"slack_decades": (3, 15)}, "slack_decades"),
         (inverted_slider_cranks, {"slack_decades": (3, 10), "max_ratio": 1e6}, "slack_decades"),
-        (drawn_scenes, {"kinds": []}, "kinds"),
-        (drawn_scenes, {"hardness": []}, "hardness"),
-        (drawn_scenes, {"samples": 0}, "samples"),
+        (drawn_scenes, {"kinds": []}, "kinds: expected some of four-bar, slider-crank, "),
+        (drawn_scenes, {"kinds": ["four-bar", "sixbar"]}, "kinds: expected .*, in a list, got .*'sixbar'"),
+        (drawn_scenes, {"kinds": "inverted slider-crank"}, "kinds: expected .*, got 'inverted slider-crank'"),
+        (drawn_scenes, {"kinds": None}, "kinds: expected .*, got None"),
+        (drawn_scenes, {"hardness": []}, "hardness: expected some of regular, limit, change-point, in a list"),
+        (drawn_scenes, {"hardness": "regular"}, "hardness: expected .*, got 'regular'"),
+        (drawn_scenes, {"samples": 0}, "samples: expected a whole number from 1 on, got 0"),
+        (drawn_scenes, {"samples": 2.5}, "samples: expected a whole number from 1 on, got 2.5"),
+        (drawn_scenes, {"samples": "5"}, "samples: expected a whole number from 1 on, got '5'"),
+        (chains, {"kinds": ["six-bar", "seven-bar"]}, "kinds: expected .*six-bar"),
+        (chains, {"samples": None}, "samples: expected a whole number from 1 on, got None"),
+        (spatial_scenes, {"kinds": ["RSSR", "SSSS"]}, "kinds: expected some of RSSR, "),
+        (spatial_scenes, {"regions": "limit"}, "regions: expected some of regular, limit, "),
+        (spatial_scenes, {"samples": True}, "samples: expected a whole number from 1 on, got True"),
     ],
 )
 def test_bounds_that_contradict_each_other_are_an_error(strategy, bounds, named):
