@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from html import escape
+from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
+from refkin.errors import expect
 from refkin.joints.annotations import check, is_flag, is_real
 from refkin.model import Scene
 from refkin.motion import Motion
@@ -62,6 +64,7 @@ class Picture:
         MissingPackage
             If it takes matplotlib, which is not installed.
         """
+        expect("file", file, str, PathLike)
         file = Path(file)
         if file.suffix.lower() == ".svg":
             file.write_text(self.svg, encoding="utf-8")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from refkin.errors import InvalidRequest, RefkinError
+from refkin.errors import InvalidRequest, RefkinError, expect
 from refkin.motion import QUANTITIES
 
 UNITS = {
@@ -90,7 +91,7 @@ class Tabled:
             If pandas is not installed.
         """
         tables = {"wide": wide, "long": long}
-        if form not in tables:
+        if not (isinstance(form, str) and form in tables):
             raise InvalidRequest("form", " or ".join(map(repr, tables)), repr(form))
         try:
             import pandas
@@ -100,6 +101,7 @@ class Tabled:
 
     def to_csv(self, file: str | Path) -> None:
         """Write the wide table; every number with the digits that give it back exactly, nothing where there is none."""
+        expect("file", file, str, PathLike)  # a number would be a file that is open, such as that of `print`
         table = wide(self)
         with open(file, "w", newline="", encoding="utf-8") as out:
             writer = csv.writer(out)
