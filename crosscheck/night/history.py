@@ -48,6 +48,16 @@ CREATE TABLE IF NOT EXISTS cost (
     microseconds REAL NOT NULL, ratio REAL NOT NULL, priced INTEGER NOT NULL);
 """
 
+SOUND = {
+    "night": "typeof(date) = 'text' AND typeof(seed) = 'text' AND typeof(verdict) = 'text'"
+    " AND typeof(scenes) = 'integer' AND typeof(new) = 'integer' AND typeof(known) = 'integer'",
+    "accuracy": "typeof(engine) = 'text' AND typeof(method) = 'text' AND typeof(quantity) = 'text'"
+    " AND typeof(digits_median) = typeof(digits_worst) AND (digits_worst IS NULL"
+    " OR typeof(digits_worst) = 'real' AND abs(digits_worst) < 1e300 AND abs(digits_median) < 1e300)",
+    "cost": "typeof(series) = 'text' AND typeof(ratio) = 'real' AND ratio > 0.0 AND ratio < 1e300",
+}
+"""What holds of each row that a night has written: SQLite itself keeps any text in a column of numbers."""
+
 
 HEADER = b"SQLite format 3\0"
 """With which every database of SQLite begins."""
@@ -207,9 +217,18 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
             if "night" not in tables and (tables or must_exist):
                 raise HistoryError(f"{path}: expected a history of nights, got the tables {kept(str(tables))}")
             db.executescript(TABLES)
+            _refuse_damaged(path, db)
             yield db
     except sqlite3.Error as error:
         raise HistoryError(f"{path}: {error}") from error
+
+
+def _refuse_damaged(path: Path, db: sqlite3.Connection) -> None:
+    """Raise HistoryError for the first row that no night has written: it would be shown, or taken for a time."""
+    for table, sound in SOUND.items():
+        for row in db.execute(f"SELECT rowid, * FROM {table} WHERE NOT ({sound}) LIMIT 1"):
+            number, *values = tuple(row)
+            raise HistoryError(f"{path}: row {number} of its table {table} is damaged: {kept(str(values))}")
 
 
 FEWEST = 8

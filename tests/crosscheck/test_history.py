@@ -286,3 +286,33 @@ def test_what_is_no_history_is_told_in_one_line(tmp_path: Path, command: Any) ->
 
     assert (told.returncode, told.stderr.count("\n")) == (4, 1)
     assert str(path) in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("table", "set_to"),
+    [
+        ("cost", "ratio = 'slow'"),
+        ("cost", "ratio = 0.0"),
+        ("cost", "ratio = -1.0"),
+        ("cost", "ratio = 9e999"),
+        ("accuracy", "digits_worst = 'few'"),
+        ("accuracy", "digits_median = NULL"),
+        ("accuracy", "digits_worst = 9e999"),
+        ("night", "date = x'00ff'"),
+        ("night", "scenes = 'many'"),
+    ],
+)
+def test_a_history_whose_rows_were_damaged_is_told_in_one_line_with_the_row(
+    tmp_path: Path, command: Any, table: str, set_to: str
+) -> None:
+    a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
+    with closing(sqlite3.connect(tmp_path / "h.sqlite")) as db, db:
+        db.execute(f"UPDATE {table} SET {set_to} WHERE rowid = 2")
+
+    for options in ((), ("--json",)):
+        told = command("history", "--history", tmp_path / "h.sqlite", *options)
+        assert (told.returncode, told.stdout) == (4, "")
+        assert told.stderr.startswith(f"{tmp_path / 'h.sqlite'}: row 2 of its table {table} is damaged: ")
+        assert told.stderr.count("\n") == 1
+    with pytest.raises(HistoryError):
+        refuse_other(tmp_path / "h.sqlite")
