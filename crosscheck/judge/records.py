@@ -15,7 +15,15 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, NonNegativeInt, StringConstraints, TypeAdapter, ValidationError
+from pydantic import (
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    StringConstraints,
+    TypeAdapter,
+    ValidationError,
+)
 
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 
@@ -24,7 +32,7 @@ MOST_DIGITS = 17.0
 
 Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}\z")]
 """What names a scene, and its files: nothing else is a name."""
-Histogram = dict[int, NonNegativeInt]
+Histogram = dict[Annotated[int, Field(le=10 * MOST_DIGITS)], NonNegativeInt]
 """Digits in whole tenths, rounded down -> how often."""
 By = dict[int, Histogram]
 """Decade of sigma_min, the distance to a singular pose -> the digits met there."""
@@ -102,7 +110,7 @@ class Quantity(Strict):
     compared with each other.
     """
 
-    ratio: float | None
+    ratio: NonNegativeFloat | None
     digits_by_sigma: By
     worst: At | None = None
     common: list[float | None] = field(default_factory=list)
@@ -148,7 +156,7 @@ class Answer(Strict):
     missing: NonNegativeInt
     compared: NonNegativeInt
     times: NonNegativeInt
-    seconds: float
+    seconds: NonNegativeFloat
     certificate: EnclosedTimes | None = None
     feature: bool = False
     granted: dict[str, float] = field(default_factory=dict)
@@ -160,7 +168,7 @@ class LevelRow(Strict):
 
     engine: str
     level: str
-    ratio: float | None
+    ratio: NonNegativeFloat | None
     digits: Histogram
     rows: NonNegativeInt
     worst: At | None = None
@@ -186,9 +194,9 @@ class ReferenceRow(Strict):
 
     verdict: str
     statuses: dict[str, NonNegativeInt]
-    sigma_min: float
-    residual: float | None
-    seconds: float
+    sigma_min: NonNegativeFloat
+    residual: NonNegativeFloat | None
+    seconds: NonNegativeFloat
     message: str = ""
     sigma_per_step: float | None = None
     redundant: bool = False
@@ -336,6 +344,10 @@ def read_line(line: bytes | str) -> Record:
         raise Unreadable(fault(error), error.errors()[0]["type"] == "json_invalid") from error
     if record.reference is None and record.failure is None:
         raise Unreadable("reference: missing; expected one, or a failure")
+    for k, answer in enumerate(record.answers):
+        if answer.missing + answer.compared > answer.times:
+            counted = f"{answer.missing} without an answer and {answer.compared} compared"
+            raise Unreadable(f"answers.{k}: {counted}; expected at most {answer.times} in all")
     return record
 
 

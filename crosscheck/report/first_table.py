@@ -19,8 +19,8 @@ Row = dict[str, Any]
 GOAL = 9
 """Digits of acceleration whose price stands in the first table."""
 ANSWERED = ("correct", "warned", "wrong")
-SERIOUS = (None, "", "defect")
-"""Classes of wrong answers that nothing excuses: none, or a defect of the engine."""
+SERIOUS = (None, "contract violated")
+"""Classes of wrong answers that nothing excuses: none, or that the engine does not do what it documents."""
 NOBODY: Mapping[str, Any] = {"scenes": 0, "poses": 0, "apart": [], "engines": {}}
 """What methods have in common that answered no scene."""
 HALF = "half of all poses / the worst pose"

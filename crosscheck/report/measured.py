@@ -6,11 +6,14 @@ night.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt
 
+from crosscheck.judge.known_gaps import KindOfGap
 from crosscheck.judge.prices import EffectRow
 from crosscheck.judge.records import adapter, read_file
 from crosscheck.scenes.names import called
@@ -40,14 +43,29 @@ class _PriceFile(_Row):
     microseconds: NonNegativeFloat | None
     spread: NonNegativeFloat | None = None
     scene_class: str
+    newton_by: str = ""
+    digits_one: float | None = None
+    microseconds_one: NonNegativeFloat | None = None
+    spread_one: NonNegativeFloat | None = None
+    digits_bulk: float | None = None
+    microseconds_bulk: NonNegativeFloat | None = None
+    spread_bulk: NonNegativeFloat | None = None
+    microseconds_to_build: NonNegativeFloat | None = None
+    unasked_bulk: NonNegativeFloat | None = None
+    note: str = ""
 
 
 class _HardCaseFile(_Row):
+    """How a method did at a case; nothing explains what has no class (`kind`, as `class` is a word of Python's)."""
+
     engine: str
     method: str
+    setting: str = ""
     case: str
+    distance: float | None = None
+    of: NonNegativeInt = 0
     verdict: Literal["correct", "warned", "refused", "wrong", "crash", "hang"]
-    # `class` is a word of Python's; what a file says under it is kept as it is.
+    kind: KindOfGap | None = Field(None, alias="class")
     quote: str | None = ""
     note: str | None = ""
 
@@ -61,11 +79,29 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
     faults: list[str] = []
     for name, kind in KINDS.items():
         read, wrong = read_file(folder / f"{name}.json", list[kind])  # type: ignore[valid-type]
-        rows[name] = None if read is None else adapter(list[kind]).dump_python(read)  # type: ignore[valid-type]
+        rows[name] = None if read is None else adapter(list[kind]).dump_python(read, by_alias=True)  # type: ignore[valid-type]
         faults += wrong
+    if contradictions := _contradictions(rows["hard_cases"] or ()):
+        faults.append(f"hard_cases.json contradicts itself: {contradictions[0]}")
     for row in (*(rows["effects"] or ()), *(rows["hard_cases"] or ())):
         row["method"] = called(row["method"], row.get("setting", ""))
     return rows, faults
+
+
+def _contradictions(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return where rows of hard cases cannot all be true: of so many cases each method is asked each once."""
+    met = Counter((row["engine"], row["method"], row["setting"], row["case"], row["distance"]) for row in rows)
+    told = [
+        f"{engine} · {called(method, setting)} was asked {case} at {distance} twice"
+        for (engine, method, setting, case, distance), count in met.items()
+        if count > 1 and distance is not None  # an older version wrote none
+    ]
+    of, cases = sorted({row["of"] for row in rows}), len({(row["case"], row["distance"]) for row in rows})
+    if len(of) > 1:
+        told.append(f"of {' and of '.join(map(str, of))} cases")
+    elif of and 0 < of[0] < cases:
+        told.append(f"{cases} of {of[0]} cases")
+    return told
 
 
 class Documents(_Row):

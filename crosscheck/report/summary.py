@@ -46,6 +46,7 @@ class Summary:
         self.trends: Trends | None = self._read(folder, "trends.json", Trends)
         self.gaps = self.outcome.gaps if self.outcome else []
         self.keys: set[str] = set()
+        self.runs: Counter[str] = Counter()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
         self.methods: dict[tuple[str, str], MethodTotals] = {}
@@ -60,6 +61,9 @@ class Summary:
             self._add(line, record)
         for disagreement in self.disagreements.finish():
             self._blame({_blamed(disagreement): True})
+        if len(self.runs) > 1:
+            listed = ", ".join(f"{run!r} ({n})" for run, n in self.runs.most_common())
+            self.failures.append(f"records.jsonl holds records of {len(self.runs)} runs: {listed}")
         held = set(self.failures)
         self.failures += [text for text in (self.outcome.failed if self.outcome else ()) if text not in held]
 
@@ -76,6 +80,7 @@ class Summary:
             self.repeated += 1
             return
         self.keys.add(record.key)
+        self.runs[record.run] += 1
         place = RecordLine(record.key, record.scene, line)
         self.coverage.add(record.about, record.reference)
         self.together.add(record.about)
@@ -172,7 +177,7 @@ class Summary:
             "reference": {**self.reference.described(), "failures": self.reference_failures},
             "rounding": {quantity: d.described_by_sigma() for quantity, d in self.peers.rounding.items()},
             "agreement": self.peers.agreement_described(),
-            "poses": self.pictures.model_dump() if self.pictures else PICTURES,
+            "poses": self._poses(),
             "engines": {engine: self._engine(engine) for engine in engines},
             "same_scenes": self.same_scenes.described(),
             "methods": [
@@ -201,6 +206,11 @@ class Summary:
             "safety_factor": run.get("safety_factor"),
             "run": dict(run),
         }
+
+    def _poses(self) -> dict[str, Any]:
+        """Return the pictures of methods that have answers: of others the records were lost since they were drawn."""
+        poses: dict[str, Any] = self.pictures.model_dump() if self.pictures else {**PICTURES}
+        return {**poses, "marks": [m for m in poses["marks"] if (m["engine"], m["method"]) in self.methods]}
 
     def _engine(self, engine: str) -> dict[str, Any]:
         """Return {method: {quantity: numbers}}: every quantity under every method; what nobody answered is None."""

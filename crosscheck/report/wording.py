@@ -42,7 +42,7 @@ def number(value: float | None, figures: int = 2) -> str:
     exponent = math.floor(math.log10(abs(float(f"{value:.{figures - 1}e}"))))
     if -4 <= exponent < 5:
         return f"{value:,.{max(0, figures - 1 - exponent)}f}".replace(",", THIN)
-    mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0**-exponent
+    mantissa = value / 10.0**exponent if exponent > -300 else value * 1e300 / 10.0 ** (exponent + 300)
     return f"{mantissa:.{figures - 1}f} × 10{str(exponent).translate(SUPERSCRIPTS)}"
 
 

@@ -235,7 +235,7 @@ def test_a_scene_in_which_many_joints_are_blamed_counts_once(tmp_path: Path) -> 
 
 
 ALL_FAIL = dict.fromkeys(QUANTITIES, (1, 0))
-SILENT = good_answer("mujoco", missing=1)
+SILENT = good_answer("mujoco", missing=1, compared=3)
 CELLS = {
     "one that run and record tell": (listed(ONE), {"run": outcome(new=[case(ONE)])}, {"velocity": (1, 0)}),
     "a known gap": (listed(ONE), {"gaps": GAP}, {"velocity": (0, 1)}),
@@ -271,7 +271,7 @@ def test_scenes_without_an_answer_and_without_a_result_are_counted_and_no_scene_
 
 @pytest.mark.parametrize(
     ("answer", "note"),
-    [(good_answer("mujoco", version="0.9"), "0.9"), (good_answer("mujoco", compared=6), "mujoco position 2")],
+    [(good_answer("mujoco", version="0.9"), "0.9"), (good_answer("mujoco", compared=6, times=6), "mujoco position 2")],
     ids=["another version than the run names", "judged without digits"],
 )
 def test_what_does_not_fit_is_noted(tmp_path: Path, answer: Any, note: str) -> None:

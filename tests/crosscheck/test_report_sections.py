@@ -57,16 +57,23 @@ OF_GRAVITY: Any = {
 }
 EFFECTS = [asdict(effect_row("position", **OF_POSITION)), asdict(effect_row("gravity", **OF_GRAVITY))]
 HARD = [
-    {"engine": "mujoco", "method": "newton", "case": "dead centre", "verdict": "correct", "class": "", "quote": ""},
+    {"engine": "mujoco", "method": "newton", "case": "dead centre", "verdict": "correct", "class": None, "quote": ""},
     {
         "engine": "mujoco",
         "method": "newton",
         "case": "dead centre",
         "verdict": "wrong",
-        "class": "defect",
+        "class": "contract violated",
         "quote": "ok",
     },
-    {"engine": "mujoco", "method": "newton", "case": "change point", "verdict": "refused", "class": "", "quote": "no"},
+    {
+        "engine": "mujoco",
+        "method": "newton",
+        "case": "change point",
+        "verdict": "refused",
+        "class": None,
+        "quote": "no",
+    },
 ]
 
 
@@ -92,9 +99,10 @@ def test_what_was_not_measured_says_so_in_its_section(tmp_path: Path) -> None:
 def test_rows_that_were_measured_stand_in_the_report_as_they_came(tmp_path: Path) -> None:
     report, _ = reported(tmp_path, price=PRICES, effects=EFFECTS, hard_cases=HARD)
 
-    assert report["price"] == PRICES
+    assert [{key: row[key] for key in PRICES[0]} for row in report["price"]] == PRICES
     assert report["effects"] == EFFECTS
-    assert [{**row, "note": ""} for row in HARD] == report["hard_cases"]
+    unsaid = {"setting": "", "distance": None, "of": 0, "note": ""}
+    assert [{**unsaid, **row} for row in HARD] == report["hard_cases"]
 
 
 @pytest.mark.parametrize(
@@ -231,7 +239,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
     beaten = {**PRICES[0], "setting": "k = 1", "digits": 6.0, "microseconds": 11.0}
     report, page = reported(tmp_path, price=[*PRICES, beaten])
 
-    assert beaten in report["price"]
+    assert beaten in [{key: row[key] for key in beaten} for row in report["price"]]
     assert "k = 1:" not in page
 
     for row in PRICES:
@@ -269,7 +277,10 @@ def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: 
     report, _ = reported(tmp_path, hard_cases=HARD)
     (row,) = rows_of_first(report)
 
-    assert (row["silent"], row["silent_class"]) == ("1 of 1 kinds of hard cases that it answers (defect)", "bad")
+    assert (row["silent"], row["silent_class"]) == (
+        "1 of 1 kinds of hard cases that it answers (contract violated)",
+        "bad",
+    )
 
 
 @pytest.mark.parametrize(
@@ -292,7 +303,7 @@ def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path:
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
     rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    made = record("a", good_answer("mujoco", missing=1), disagreements=rows)
+    made = record("a", good_answer("mujoco", missing=1, compared=3), disagreements=rows)
     (method,) = of_run(tmp_path, made)[0]["methods"]
 
     assert method["silent"] == {}
@@ -491,7 +502,7 @@ def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_pat
 def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_screen(tmp_path: Path) -> None:
     """By its digits in the price list and its verdicts at hard cases: no drawn scene is sent through it."""
     stepped = {**HARD[1], "method": "mj_step", "class": "documented limit"}
-    hard = [*HARD, stepped, {**stepped, "verdict": "correct", "class": ""}, {**stepped, "verdict": "refused"}]
+    hard = [*HARD, stepped, {**stepped, "verdict": "correct", "class": None}, {**stepped, "verdict": "refused"}]
     priced = [
         {**PRICES[0], "method": "mj_step, as shipped", "quantity": "position", "digits": digits, "newton_by": "nobody"}
         for digits in (2.25, 3.5)

@@ -144,7 +144,10 @@ def test_agreement_rows_and_certificates_stand_by_engine_and_method():
         "exudyn", {"position": quantity({-1: [14.0, 9.5], 0: [12.0]}, 0.25), "velocity": quantity({0: [9.0]}, None)}
     )
     planted = record(
-        "a", good_answer("mujoco"), {**sparse, "missing": 1}, levels=[level("mujoco", "drift", [13.0, 9.0])]
+        "a",
+        good_answer("mujoco"),
+        {**sparse, "missing": 1, "compared": 3},
+        levels=[level("mujoco", "drift", [13.0, 9.0])],
     )
     met = typed(planted)
     certified = [met.answers[0], replace(met.answers[1], certificate=places)]
