@@ -103,6 +103,8 @@ class _Earlier:
     scene: str
     key: str
     engines: list[str]
+    machine: dict[str, str | int | None]
+    versions: dict[str, str]
     rows: list[PriceRow]
     cheapest: Cheapest
     cheapest_engine: Cheapest
@@ -126,7 +128,16 @@ def _earlier(file: Path, scene: Scene, asked: Sequence[str]) -> dict[str, Cheape
     found = winners(list(map(asdict, earlier.rows)))
     if found != {"cheapest": earlier.cheapest, "cheapest_engine": earlier.cheapest_engine}:
         raise UsageError(f"--again {file}: expected the winners that its rows have, got others: it was changed by hand")
+    if others := _other(earlier):
+        print(f"{file} was measured with other versions, or elsewhere: {others}", file=sys.stderr)
     return found
+
+
+def _other(earlier: _Earlier) -> str:
+    """Return what a list was measured with, and on, that is not as it is now: who wins depends on it."""
+    before, now = ({**on, **made_by} for on, made_by in ((earlier.machine, earlier.versions), (machine(), versions())))
+    names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+    return "; ".join(f"{name} {before.get(name, 'none')}, now {now.get(name, 'none')}" for name in names)
 
 
 def _called(asked: Sequence[str]) -> list[str]:

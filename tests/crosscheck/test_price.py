@@ -359,6 +359,7 @@ def test_a_list_is_measured_again_where_it_is_of_the_scene(again):
         (lambda b: b.update(scene="slider-crank", key="0" * 16), "got one of 'slider-crank' (0000000000000000)"),
         (lambda b: b.update(key="0" * 16), f"got one of '{scene().name}' (0000000000000000)"),
         (lambda b: b.update(engines=["exudyn"]), "expected a price list of exudyn, mujoco, pinocchio, refkin"),
+        (lambda b: b.pop("versions"), "before.json cannot be read: versions: missing"),
         (lambda b: b.pop("key"), "what `crosscheck price --json` prints: before.json cannot be read: key: missing"),
         (lambda b: b.update(rows=3), "what `crosscheck price --json` prints: before.json cannot be read: rows: 3"),
         (lambda b: b["rows"][0].update(quantity="jerk"), "rows.0.quantity: 'jerk'; input should be 'position'"),
@@ -376,6 +377,24 @@ def test_the_list_of_another_scene_is_refused_in_one_line_before_anything_is_mea
     assert said in err
     assert "before.json" in err
     assert "--again" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda b: b["versions"].update(exudyn="1.0", numpy="1.26"), ("exudyn 1.0", "numpy 1.26")),
+        (lambda b: b["machine"].update(processor="an abacus"), ("processor an abacus",)),
+        (lambda b: b["versions"].update(chrono="9.0"), ("chrono 9.0, now none",)),
+    ],
+)
+def test_other_versions_or_another_machine_of_the_earlier_list_are_told(again, change, said):
+    """Who wins depends on them: a list of another year was compared as if nothing but the time had changed."""
+    (code, out, err), _ = again(change)
+
+    assert (code, "cheapest again are 1 of 1 winners" in out) == (0, True)
+    assert "before.json was measured with other versions, or elsewhere: " in err
+    assert all(text in err for text in said)
+    assert "was measured with" not in again()[0].stderr
 
 
 def test_a_list_is_printed_though_its_page_cannot_be_written(again, tmp_path):
