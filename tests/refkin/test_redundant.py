@@ -14,7 +14,7 @@ import pytest
 import refkin
 from refkin import fast
 from refkin.analysis import sweep
-from refkin.joints import GROUND, AngleDriver, Gear, Revolute
+from refkin.joints import GROUND, AngleDriver, Gear, Revolute, SpatialAngleDriver, SpatialRevolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Table
@@ -427,3 +427,27 @@ def test_rows_that_are_held_against_no_root_leave_a_slider_idle_that_nothing_mov
 
     assert motion.verdict == "singular"
     assert "idle motion: with the drivers held slider can still move on and on" in motion.message
+
+
+@pytest.mark.parametrize("form", ["half", "dot", "printed"])
+@pytest.mark.parametrize(
+    ("law", "missing"), [((0.0,), 0), ((0.0, 1.0), 1), ((0.0, 0.0, 1.0), 2)], ids=["still", "rate", "acceleration"]
+)
+def test_a_body_on_two_crossed_hinges_is_locked_if_it_is_driven_though_rows_say_nothing_but_zeros(
+    form: Any, law: tuple[float, ...], missing: int
+) -> None:
+    """Rows of zeros, at 0, are off by nothing of nothing: no number, it hid the others, and what is driven was ok."""
+    about_z: Any = {"axis_i": (0.0, 0.0, 1.0), "axis_j": (0.0, 0.0, 1.0), "zero_i": (1.0, 0.0, 0.0)}
+    about_x: Any = {"axis_i": (1.0, 0.0, 0.0), "axis_j": (1.0, 0.0, 0.0), "zero_i": (0.0, 1.0, 0.0)}
+    ends: Any = {"body_i": GROUND, "point_i": (0.0,) * 3, "body_j": "plate", "point_j": (0.0,) * 3, "form": form}
+    hinges = tuple(
+        SpatialRevolute(name=name, zero_j=axes["zero_i"], **ends, **axes)
+        for name, axes in (("z", about_z), ("x", about_x))
+    )
+    driver = SpatialAngleDriver(name="motor", joint="z", law=Polynomial(coefficients=law))
+    plate = Body(name="plate", estimate=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    motion = solve(Scene(mechanism=Mechanism((plate,), hinges, (driver,)), times=(0.0,)))
+
+    assert motion.verdict is (Status.LOCKED if missing else Status.OK)
+    rates = [bool(np.isfinite(level).all()) for level in motion.levels[1:]]
+    assert rates == [missing != 1, missing == 0]

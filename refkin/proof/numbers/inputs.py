@@ -141,7 +141,7 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
 
     A pose that all rows share says nothing of the next one: rows that contradict each other there do so here in
     phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
-    row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
+    row that is off by more than 0: its spread over what the pose may be off by and, by the rates, that of the solved.
 
     Parameters
     ----------
@@ -174,6 +174,6 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
             off = np.abs(product(slope.mid, rate) - right.mid)
             # Bodies at rest have rates that are nothing but what the inverse left: the solved rows say how much.
             radii = product(pose.size, of_rows(spread + off, rows))
-            ratio = off / (UP * (spread + product(np.abs(slope.mid), radii)))
+            ratio = np.where(off == 0.0, 0.0, off / (UP * (spread + product(np.abs(slope.mid), radii))))
             excess[order] = np.max(of_rows(ratio, others), axis=0)
     return excess
