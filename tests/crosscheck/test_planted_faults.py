@@ -2,34 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-import refkin.solving.solve
 from crosscheck.engines import poses
-from crosscheck.engines.closed_form import assemble, linkage
-from crosscheck.engines.exudyn import engine as exudyn_engine
-from crosscheck.engines.exudyn import model as exudyn_model
-from crosscheck.engines.exudyn import parts as exudyn_parts
-from crosscheck.engines.exudyn import readings as exudyn_readings
-from crosscheck.engines.frames import Linear
-from crosscheck.engines.mujoco import engine as mujoco_engine
-from crosscheck.engines.mujoco import rows as mujoco_rows
-from crosscheck.engines.pinocchio import engine as pin_engine
-from crosscheck.engines.tree import tree_system
 from crosscheck.measure.check import check
 from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
-from refkin.joints import AngleDriver, Distance, PointOnLine, Revolute, planar
+from refkin.joints import Distance
 from refkin.model import Mechanism, Scene
-from refkin.motion import Status
 from refkin.motion_laws import Integral
-from refkin.proof.assembly.assembly import assemblies
-from refkin.solving.starts import Start
-from refkin.vec import Vec
+from tests.mutation.change import mutated
 
 PEERS = ("closed_form", "exudyn", "pinocchio", "mujoco")
 BY_TREE = ("pinocchio", "mujoco")
@@ -61,244 +46,131 @@ BEFORE = {"velocity": ("position",), "acceleration": ("position", "velocity")}
 BEFORE |= dict.fromkeys(("residual", "jacobian"), ("position",))
 
 
-@dataclass(frozen=True)
-class Fault:
-    """A fault, the scene on which it is planted, and what must be found.
+class Fault(NamedTuple):
+    """A passage of production code with a fault in it, the scene on which it is planted, and what must be found.
 
-    Attributes
-    ----------
-    plant : callable
-        Takes monkeypatch and replaces production code.
-    engines : str, or tuple of str
-        Who must disagree, and nobody else. A fault in the reference itself has everybody disagree.
-    quantity : str
-        What must disagree, for each of them by each of its routes; what comes `BEFORE` it must not.
-    spares : tuple of str
-        What must not, either.
+    `engines` must disagree, and nobody else, and each of them by each of its routes in `quantity`; in what comes
+    `BEFORE` it and in what it `spares` they must not. A fault in the reference itself has everybody disagree.
     """
 
-    plant: Callable[[pytest.MonkeyPatch], None]
+    target: str
+    old: str
+    new: str
     scene: Scene
     engines: str | tuple[str, ...]
     quantity: str
     spares: tuple[str, ...] = ()
 
 
-def static(owner: Any, name: str, function: Any) -> Callable[[pytest.MonkeyPatch], None]:
-    return lambda patch: patch.setattr(owner, name, staticmethod(function))
-
-
-def around(owner: Any, name: str, function: Any) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that is given the right one before its arguments."""
-    right = getattr(owner, name)
-    return lambda patch: patch.setattr(owner, name, lambda *given, **keys: function(right, *given, **keys))
-
-
-def gamma_without_coriolis(g: Any, f: Any, i: Any, j: Any) -> Any:
-    a_i, a_j, d = planar.arms(g, i, j)
-    n = i.turned(Vec(g[4], g[5]))
-    return (n.dot(d) * (i.omega * i.omega) - n.dot(planar.drift(a_i, a_j, i, j)),)
-
-
-def drift_with_one_sign_wrong(a_i: Vec, a_j: Vec, i: Any, j: Any) -> Vec:
-    return a_i * (i.omega * i.omega) + a_j * (j.omega * j.omega)
-
-
-def other_assembly(right: Any, system: Any, scene: Scene) -> Start:
-    near = right(system, scene)
-    poses = assemblies(system, scene.times[0]).poses
-    return Start(Status.OK, max(poses, key=lambda q: float(np.linalg.norm(q - near.q))))
-
-
-def longer_by_a_billionth(joint: Any) -> Any:
-    """Return the joint with one length off by 1e-9 of itself."""
-    if joint.name != "B":
-        return joint
-    return replace(joint, point_j=(joint.point_j[0] * (1.0 + 1e-9), joint.point_j[1]))
-
-
-def with_a_length_off(right: Any, mechanism: Mechanism, *more: Any, **keys: Any) -> Any:
-    joints = tuple(longer_by_a_billionth(joint) for joint in mechanism.joints)
-    return right(replace(mechanism, joints=joints), *more, **keys)
-
-
-def marker_off(right: Any, self: Any, body: str, point: Any) -> Any:
-    return tuple(c * (1.0 + 1e-9) if body == "coupler" else c for c in right(self, body, point))
-
-
-def place_off(right: Any, drawn: Any, place: Any, arithmetic: Any) -> Any:
-    body, (x, y) = place
-    return right(drawn, (body, (x * (1.0 + 1e-9), y) if body == "coupler" else (x, y)), arithmetic)
-
-
-def columns_of_the_next_body(right: Any, unit: Any, levels: Any) -> Any:
-    return right(unit, [np.roll(level, 3, axis=0) for level in levels])
-
-
-def no_law_moves(right: Any, self: Any, one: int) -> None:
-    right(self, -1)
-
-
-def stopped_clock(right: Any, self: Any, t: float, order: int) -> None:
-    right(self, TIMES[0], order)
-
-
-def product_without_mixed_term(a: Any, b: Any) -> float:
-    return exudyn_readings.dot(a[2], b[0]) + exudyn_readings.dot(a[0], b[2])
-
-
-def row_with_plus(right: Any, **of_row: Any) -> Any:
-    return right(**{**of_row, "factor": abs(of_row["factor"])})
-
-
-def linear_row(right: Any, **of_row: Any) -> Any:
-    return right(**{**of_row, "form": Linear()})
-
-
-def start_on_the_other_side(right: Any, scene: Scene, unit: Any) -> Any:
-    """Start exudyn's march at the four-bar's other assembly."""
-    other = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES, branch="crossed")
-    estimates = {body.name: body for body in other.mechanism.bodies}
-    bodies = tuple(estimates[body.name] for body in scene.mechanism.bodies)
-    return right(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)), unit)
-
-
-def stale_drift(right: Any, self: Any, q: Any, qd: Any, places: Any) -> Any:
-    """Read the drift term without moving the engine to where it is asked for, but the first time."""
-    return right(self, q[[0] * len(q)], qd[[0] * len(q)], places)
-
-
-def stale_points(right: Any, self: Any, q: Any, *more: Any) -> Any:
-    """Place the bodies only at the first pose that is asked for."""
-    return right(self, q[[0] * len(q)], *more)
-
-
-def law_without(missing: int) -> Any:
-    def law(right: Any, self: Any, t: Any, order: int) -> Any:
-        value = right(self, t, order)
-        return 0.0 * value if order == missing else value
-
-    return law
-
-
-def the_other_sign(right: Any, self: Any, *given: Any) -> float:
-    return -right(self, *given)
-
-
-OF_REFERENCE = {
+OFF = "(1.0 + 1e-9 * (body == 'coupler'))"
+FAULTS = {
     "sign of nu of the driver": Fault(
-        static(AngleDriver, "nu", lambda g, f, i, j: (-f[0][1],)), FOUR_BAR, PEERS, "velocity"
+        "refkin.joints.drivers:AngleDriver.nu", "f[0][1]", "-f[0][1]", FOUR_BAR, PEERS, "velocity"
     ),
     "a driver whose rate is forgotten": Fault(
-        static(AngleDriver, "nu", lambda g, f, i, j: (0.0,)), FOUR_BAR, PEERS, "velocity"
+        "refkin.joints.drivers:AngleDriver.nu", "f[0][1]", "0.0", FOUR_BAR, PEERS, "velocity"
     ),
     "gamma without the driver's acceleration": Fault(
-        static(AngleDriver, "gamma", lambda g, f, i, j: (0.0,)), FOUR_BAR, PEERS, "acceleration"
+        "refkin.joints.drivers:AngleDriver.gamma", "f[0][2]", "0.0", FOUR_BAR, PEERS, "acceleration"
     ),
     "gamma of point_on_line without its Coriolis term": Fault(
-        static(PointOnLine, "gamma", gamma_without_coriolis), INVERTED, PEERS, "acceleration"
+        "refkin.joints.planar:PointOnLine.gamma", "n.perp().dot(gap_rate(a_i, a_j, i, j)) * (2 * i.omega) -", "-",
+        INVERTED, PEERS, "acceleration",
     ),
     "gamma with a sign wrong": Fault(
-        lambda patch: patch.setattr(planar, "drift", drift_with_one_sign_wrong), FOUR_BAR, PEERS, "acceleration"
+        "refkin.joints.base:drift", "- a_j", "+ a_j", FOUR_BAR, PEERS, "acceleration"
     ),
     "a start on the other assembly": Fault(
-        around(refkin.solving.solve, "find_start", other_assembly), FOUR_BAR, PEERS, "position"
+        "refkin.solving.starts:find_start", "return Start(Status.OK, first.q)",
+        "return Start(Status.OK, max(assemblies(system, t).poses, key=lambda q: np.linalg.norm(q - first.q)))",
+        FOUR_BAR, PEERS, "position",
     ),
     "a length off by 1e-9": Fault(
-        around(Revolute, "constants", lambda right, self, unit: right(longer_by_a_billionth(self), unit)),
-        FOUR_BAR,
-        PEERS,
-        "position",
+        "refkin.joints.base:Constraint.constants", "tuple(c for", "tuple(c * (1.0 + 1e-9 * (self.name == 'B')) for",
+        FOUR_BAR, PEERS, "position",
     ),
-}
-OF_ADAPTERS = {
     "exudyn: a length off by 1e-9": Fault(
-        around(exudyn_parts.Builder, "local", marker_off), FOUR_BAR, "exudyn", "position"
+        "crosscheck.engines.exudyn.parts:Builder.local", "point[0] - ox", f"point[0] * {OFF} - ox",
+        FOUR_BAR, "exudyn", "position",
     ),
     "exudyn: a driver whose rate is forgotten": Fault(
-        around(exudyn_parts.Clock, "at_rate", no_law_moves), FOUR_BAR, "exudyn", "velocity"
+        "crosscheck.engines.exudyn.parts:Clock.at_rate", "float(k == one)", "0.0", FOUR_BAR, "exudyn", "velocity"
     ),
     "exudyn: columns of another body": Fault(
-        around(exudyn_engine, "in_metres", columns_of_the_next_body), FOUR_BAR, "exudyn", "position"
+        "crosscheck.engines.exudyn.solve:in_metres", "[level * scale", "[np.roll(level, 3, axis=0) * scale",
+        FOUR_BAR, "exudyn", "position",
     ),
     "exudyn: a driver that is never set again": Fault(
-        around(exudyn_parts.Clock, "set", stopped_clock), FOUR_BAR, "exudyn", "position"
+        "crosscheck.engines.exudyn.parts:Clock.set", "law(t, i)", "law(0.0, i)", FOUR_BAR, "exudyn", "position"
     ),
     "exudyn: a start on the other assembly": Fault(
-        around(exudyn_engine, "start_of", start_on_the_other_side), FOUR_BAR, "exudyn", "position"
+        "crosscheck.engines.exudyn.solve:start_of", "as_driven(scene).bodies], float)",
+        "as_driven(scene).bodies], float) * ([1, 1, 1], [1, -1, -1], [1, -1, -1])", FOUR_BAR, "exudyn", "position",
     ),
     "exudyn: a product rule without its mixed term": Fault(
-        lambda patch: patch.setattr(exudyn_readings, "product", product_without_mixed_term),
-        INVERTED,
-        "exudyn",
-        "acceleration",
+        "crosscheck.engines.exudyn.readings:product", "+ 2.0 * dot(a[1], b[1])", "", INVERTED, "exudyn", "acceleration"
     ),
     "pinocchio: a length off by 1e-9": Fault(
-        around(pin_engine, "joint_tree", with_a_length_off), FOUR_BAR, "pinocchio", "position"
+        "crosscheck.engines.pinocchio.engine:PinocchioTree.__init__", "tree.scaled)",
+        "lambda *of: [(1.0 + 1e-9) * u for u in tree.scaled(*of)])", FOUR_BAR, "pinocchio", "position",
     ),
     "pinocchio: a stale drift term": Fault(
-        around(pin_engine.PinocchioTree, "closure_drift", stale_drift), FOUR_BAR, "pinocchio", "acceleration"
+        "crosscheck.engines.pinocchio.engine:PinocchioTree.closure_drift", "(q, qd,",
+        "(q[[0] * len(q)], qd[[0] * len(q)],", FOUR_BAR, "pinocchio", "acceleration",
     ),
     "pinocchio: points of a stale pose": Fault(
-        around(pin_engine.PinocchioTree, "motion", stale_points), FOUR_BAR, "pinocchio", "position"
+        "crosscheck.engines.pinocchio.engine:PinocchioTree.motion", "in (q, qd, qdd)", "in (q[[0] * len(q)], qd, qdd)",
+        FOUR_BAR, "pinocchio", "position",
     ),
     "mujoco: a length off by 1e-9": Fault(
-        around(mujoco_engine, "joint_tree", with_a_length_off), FOUR_BAR, "mujoco", "position"
+        "crosscheck.engines.mujoco.model:Plan._site", "point))", "[u * (1.0 + 1e-9) for u in point]))",
+        FOUR_BAR, "mujoco", "position",
     ),
     "mujoco: a stale drift term": Fault(
-        around(mujoco_engine.TreeRows, "closure_drift", stale_drift), FOUR_BAR, "mujoco", "acceleration"
+        "crosscheck.engines.mujoco.engine:TreeRows.closure_drift", "(q, qd,", "(q[[0] * len(q)], qd[[0] * len(q)],",
+        FOUR_BAR, "mujoco", "acceleration",
     ),
     "mujoco: a tendon's drift term left out, as MuJoCo does": Fault(
-        lambda patch: patch.setattr(mujoco_rows.MujocoRows, "_length_drift", lambda self, row: 0.0),
-        ROD,
-        "mujoco",
-        "acceleration",
+        "crosscheck.engines.mujoco.rows:MujocoRows.rates", "= self._length_drift(row)", "= 0.0",
+        ROD, "mujoco", "acceleration",
     ),
     "joint trees: bodies permuted": Fault(
-        around(tree_system, "body_levels", lambda right, engine, march, bodies: right(engine, march, bodies[::-1])),
-        FOUR_BAR,
-        BY_TREE,
-        "position",
+        "crosscheck.engines.tree.tree_system:body_levels", "for body in bodies]", "for body in bodies[::-1]]",
+        FOUR_BAR, BY_TREE, "position",
     ),
     "laws kept at hand: a driver whose rate is forgotten": Fault(
-        around(poses.Tabulated, "__call__", law_without(1)), FOUR_BAR, KEEPING, "velocity"
+        "crosscheck.engines.poses:Tabulated.__call__", "return self._values[key]",
+        "return self._values[key] * (order != 1)", FOUR_BAR, KEEPING, "velocity",
     ),
     "laws kept at hand: a driver whose acceleration is forgotten": Fault(
-        around(poses.Tabulated, "__call__", law_without(2)), FOUR_BAR, KEEPING, "acceleration"
+        "crosscheck.engines.poses:Tabulated.__call__", "return self._values[key]",
+        "return self._values[key] * (order != 2)", FOUR_BAR, KEEPING, "acceleration",
     ),
     "closed form: a length off by 1e-9": Fault(
-        around(linkage, "_local", place_off), FOUR_BAR, "closed_form", "position"
+        "crosscheck.engines.closed_form.linkage:_local", "number(a)", f"number(a * {OFF})",
+        FOUR_BAR, "closed_form", "position",
     ),
     "closed form: the other of two meeting points": Fault(
-        around(assemble.Assembly, "_sign", the_other_sign), FOUR_BAR, "closed_form", "position"
+        "crosscheck.engines.closed_form.assemble:Assembly._sign", "(first.conjugate() * second).imag",
+        "(second.conjugate() * first).imag", FOUR_BAR, "closed_form", "position",
     ),
-}
-OF_ROWS = {
     "exudyn: a row with the wrong sign": Fault(
-        around(exudyn_model, "RowMap", row_with_plus), INVERTED, "exudyn", "residual"
+        "crosscheck.engines.exudyn.model:ExudynModel.__init__", "factor=line.factor", "factor=abs(line.factor)",
+        INVERTED, "exudyn", "residual",
     ),
     "exudyn: a sine taken for its angle": Fault(
-        around(exudyn_model, "RowMap", linear_row), SLIDER, "exudyn", "jacobian"
+        "crosscheck.engines.exudyn.model:ExudynModel.__init__", "form=line.form", "form=type(line).form",
+        SLIDER, "exudyn", "jacobian",
     ),
     "pinocchio: a length off by 1e-9 in its own rows": Fault(
-        around(
-            pin_engine.PinocchioConstraints,
-            "__init__",
-            lambda right, self, scene, joints: right(self, scene, [longer_by_a_billionth(joint) for joint in joints]),
-        ),
-        FOUR_BAR,
-        "pinocchio",
-        "residual",
+        "crosscheck.engines.pinocchio.engine:PinocchioConstraints.__init__", "lambda body, u: u",
+        f"lambda body, u: [{OFF} * c for c in u]", FOUR_BAR, "pinocchio", "residual",
     ),
     "mujoco: bodies permuted in its own rows": Fault(
-        around(mujoco_engine.AbsoluteRows, "jacobian", lambda right, self, q, t: np.roll(right(self, q, t), 3, axis=1)),
-        FOUR_BAR,
-        "mujoco",
-        "jacobian",
-        ("position", "residual"),
+        "crosscheck.engines.mujoco.engine:AbsoluteRows.jacobian", "jacobian * np.outer",
+        "np.roll(jacobian, 3, axis=1) * np.outer", FOUR_BAR, "mujoco", "jacobian", ("position", "residual"),
     ),
-}
-FAULTS = OF_REFERENCE | OF_ADAPTERS | OF_ROWS
+}  # fmt: skip
 
 
 def disagreements(scene: Scene) -> list[dict[str, Any]]:
@@ -306,11 +178,11 @@ def disagreements(scene: Scene) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_a_planted_fault_is_caught_and_blamed_where_it_is(fault, monkeypatch):
+def test_a_planted_fault_is_caught_and_blamed_where_it_is(fault):
     assert disagreements(fault.scene) == []
 
-    fault.plant(monkeypatch)
-    listed = disagreements(fault.scene)
+    with mutated(*fault[:3]):
+        listed = disagreements(fault.scene)
 
     engines = {fault.engines} if isinstance(fault.engines, str) else {*fault.engines}
     assert {d.engine for d in listed} - {"refkin"} == engines
@@ -319,42 +191,26 @@ def test_a_planted_fault_is_caught_and_blamed_where_it_is(fault, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["a start on the other assembly", "exudyn: a start on the other assembly"])
-def test_a_swapped_branch_is_told_as_one(name, monkeypatch):
+def test_a_swapped_branch_is_told_as_one(name):
     fault = FAULTS[name]
-    fault.plant(monkeypatch)
+    with mutated(*fault[:3]):
+        kinds = {d.kind for d in disagreements(fault.scene) if d.quantity == "position"}
 
-    kinds = {d.kind for d in disagreements(fault.scene) if d.quantity == "position"}
     assert kinds == {"other assembly"}
-
-
-def first_body_off(levels: Any, bodies: Any) -> None:
-    levels[0][0] += 1e-9 if bodies[0] == "rocker" else 0.0
-
-
-def one_missing(levels: Any, bodies: Any) -> None:
-    levels[1][2, 1] = np.nan
 
 
 @pytest.mark.parametrize(
     ("spoil", "quantity", "kind"),
     [
-        (first_body_off, "position", "depends on the order of bodies"),
-        (one_missing, "velocity", "status ok without a number"),
+        ("levels[0][0] += 1e-9 * (bodies[0] == 'rocker')", "position", "depends on the order of bodies"),
+        ("levels[1][2, 1] = np.nan", "velocity", "status ok without a number"),
     ],
 )
-def test_an_answer_that_is_none_is_called_what_it_is(spoil, quantity, kind, monkeypatch):
-    right = tree_system.body_levels
+def test_an_answer_that_is_none_is_called_what_it_is(spoil, quantity, kind):
+    with mutated("crosscheck.engines.tree.tree_system:body_levels", "return levels", f"{spoil}; return levels"):
+        listed = disagreements(FOUR_BAR)
 
-    def spoilt(engine: Any, march: Any, bodies: Any) -> Any:
-        levels = right(engine, march, bodies)
-        spoil(levels, bodies)
-        return levels
-
-    monkeypatch.setattr(tree_system, "body_levels", spoilt)
-
-    assert {(d.engine, d.quantity, d.kind) for d in disagreements(FOUR_BAR)} == {
-        (engine, quantity, kind) for engine in BY_TREE
-    }
+    assert {(d.engine, d.quantity, d.kind) for d in listed} == {(engine, quantity, kind) for engine in BY_TREE}
 
 
 def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch):
@@ -367,21 +223,14 @@ def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch
 TABLE = Table(argument=(0.0, 0.4, 0.7, 1.2, 1.6), value=(0.0, 0.5, 0.3, 0.9, 0.4))
 
 
-def law_of_straight_pieces(right: Any, self: Any, t: Any, order: int = 0) -> Any:
-    return (
-        np.interp(t, self.argument, self.value)
-        if order == 0 and isinstance(t, float | np.ndarray)
-        else right(self, t, order)
-    )
-
-
 @pytest.mark.parametrize("law", [TABLE, Integral(rate=TABLE)], ids=["value", "rate"])
-def test_a_law_that_all_read_wrongly_is_told_by_the_proof(law, monkeypatch):
+def test_a_law_that_all_read_wrongly_is_told_by_the_proof(law):
     """The engines take the values of a law from the same place as the reference: only exact laws can object."""
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     scene = linkage.scene(law=law, times=[0.2, 0.5, 1.0, 1.3])
     assert disagreements(scene) == []
 
-    around(Table, "__call__", law_of_straight_pieces)(monkeypatch)
-
-    assert disagreements(scene)
+    given = "lambda x, k: self._spline(x, order + k)[()]"
+    pieces = "lambda x, k: self._spline(x, order + k)[()] if order + k else np.interp(x, self.argument, self.value)"
+    with mutated("refkin.motion_laws:Table.__call__", given, pieces):
+        assert disagreements(scene)
