@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, Support
-from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.assemble import Assembly, LocusRow
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
@@ -27,6 +26,7 @@ from refkin.scenes.linkages import FourBar, SliderCrank
 from tests.claims import U
 from tests.drawn import Drawing
 from tests.linkages import remade, with_law, without_estimates
+from tests.mutation.change import mutated
 
 from .closed_form_scenes import in_balls
 
@@ -201,15 +201,12 @@ def test_floats_alone_prove_no_unassemblable(monkeypatch):
     assert "not proved" in motion.message
 
 
-def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch):
-    closed = closed_form.float_solution
-
-    def opened(*args):
-        solution = closed(*args)
-        return replace(solution, closure=solution.closure + 1e-3)
-
-    monkeypatch.setattr(closed_form, "float_solution", opened)
-    with pytest.raises(EngineError, match=r"a joint is left open by 0\.001 sizes"):
+def test_a_joint_that_is_left_open_is_a_fault_of_the_program():
+    closed = "crosscheck.engines.closed_form.engine:_residual"
+    with (
+        mutated(closed, "np.abs(solution.closure)", "np.abs(solution.closure + 1e-3)"),
+        pytest.raises(EngineError, match=r"a joint is left open by 0\.001 sizes"),
+    ):
         ClosedForm().solve(linkage(LENGTHS))
 
 

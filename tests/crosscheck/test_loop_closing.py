@@ -15,7 +15,6 @@ from crosscheck.engines import EngineError, poses
 from crosscheck.engines import march as continuation
 from crosscheck.engines.loading import load
 from crosscheck.engines.march import MarchResult, march
-from crosscheck.engines.mujoco import model as mujoco_model
 from crosscheck.engines.poses import EPS, Poses, close, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.measure.check import check
@@ -24,6 +23,7 @@ from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import FourBar
+from tests.mutation.change import mutated
 
 OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
 
@@ -417,13 +417,7 @@ def test_engines_agree_on_it(engine):
     assert [item for item in record.disagreements if item.method != "shipped"] == []
 
 
-def test_a_turn_counted_with_the_wrong_sign_is_found(monkeypatch):
-    angle = mujoco_model.Plan._angle
-
-    def other_way(self, name, c):
-        self.tree.angle_offsets.update({body: -turn for body, turn in self.tree.angle_offsets.items()})
-        angle(self, name, c)
-
-    monkeypatch.setattr(mujoco_model.Plan, "_angle", other_way)
-
-    assert check(drawn_telescope(), ["mujoco"]).disagreements
+def test_a_turn_counted_with_the_wrong_sign_is_found():
+    turn = "turns, offset = self.tree.turn(e)"
+    with mutated("crosscheck.engines.mujoco.model:Plan._angle", turn, f"{turn}; offset = -offset"):
+        assert check(drawn_telescope(), ["mujoco"]).disagreements

@@ -14,6 +14,7 @@ from refkin import Effect, Evidence, FourBar, Point, Polynomial, Sinusoid, Statu
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.proof.pose import isolate as isolating
 from tests.linkages import ROCKER
+from tests.mutation.change import mutated
 
 STEADY = Polynomial(coefficients=(0.0, 2.0))
 SCENE = ROCKER.scene(law=STEADY, times=tuple(np.linspace(0.0, 0.4, 11)))
@@ -111,17 +112,12 @@ def test_a_condition_is_one_batch_of_singular_values_and_a_certificate_one_of_pr
     assert (counted["singular values"], counted["proof"]) == batches
 
 
-def test_a_gamma_in_a_position_only_scene_would_be_seen(monkeypatch, counted):
+def test_a_gamma_in_a_position_only_scene_would_be_seen(counted):
     """The planted fault: an analysis that computes what nobody called for."""
-    judge = refkin.solving.solve._Answer.judge
-
-    def computing_more(answer, samples):
-        system = refkin.compile_system(answer.scene.mechanism, unit=answer.system.unit)
-        system.gamma(answer.q[:, samples], np.zeros_like(answer.q[:, samples]), answer.t[samples])
-        judge(answer, samples)
-
-    monkeypatch.setattr(refkin.solving.solve._Answer, "judge", computing_more)
-    refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))
+    called_for, all_levels = "self._rates(samples[solvable])", "compile_system(self.scene.mechanism).gamma"
+    more = f"{called_for}; {all_levels}(self.q[:, samples], 0.0 * self.q[:, samples], self.t[samples])"
+    with mutated("refkin.solving.solve:_Answer.judge", called_for, more):
+        refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))
 
     assert "gamma" in counted
     assert "law, order 2" in counted

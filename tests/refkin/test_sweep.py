@@ -39,6 +39,7 @@ from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 from tests.linkages import PARALLELOGRAM, ROCKER, beside_a_wheel, copied, remade, solved, system_of, with_law
+from tests.mutation.change import mutated
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
@@ -612,29 +613,20 @@ def test_a_step_is_halved_at_the_pose_in_its_middle_with_the_bound_of_its_own_er
     assert (first.r_1 < 1e-13).all()
 
 
-def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_taken_as_it_is(monkeypatch):
+def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_taken_as_it_is():
     """Newton's root moved by 1e-10: what is reported is the root, or it is not ok."""
     scene = replace(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,)), evidence=frozenset())
-    root, right = refkin.solve(scene).q, refkin.solving.solve.find_start
+    root = refkin.solve(scene).q
+    with mutated("refkin.solving.starts:find_start", "Start(Status.OK, first.q)", "Start(Status.OK, first.q + 1e-10)"):
+        motion = refkin.solve(scene)
 
-    def start(system, scene):
-        result = right(system, scene)
-        return replace(result, q=result.q + 1e-10)
-
-    monkeypatch.setattr(refkin.solving.solve, "find_start", start)
-    motion = refkin.solve(scene)
     assert motion.verdict is not Status.OK or np.max(np.abs(motion.q - root)) < 1e-14
 
 
-def test_after_a_pose_that_is_not_proved_none_is_one_of_the_branch(monkeypatch):
+def test_after_a_pose_that_is_not_proved_none_is_one_of_the_branch():
     """Though each of them is proved to be alone."""
-    prove = refkin.solving.solve._Answer._prove
-
-    def but_the_second(self, samples):
-        return prove(self, samples) & (samples != 1)
-
-    monkeypatch.setattr(refkin.solving.solve._Answer, "_prove", but_the_second)
-    motion = refkin.solve(ROCKER.scene(samples=4))
+    with mutated("refkin.solving.solve:_Answer._prove", "return isolation.ok", "return isolation.ok & (samples != 1)"):
+        motion = refkin.solve(ROCKER.scene(samples=4))
 
     assert motion.status == (Status.OK, Status.SINGULAR, Status.BRANCH_LOST, Status.BRANCH_LOST)
     assert np.isfinite(motion.q).all(axis=0).tolist() == [True, True, False, False]

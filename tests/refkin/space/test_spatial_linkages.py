@@ -24,8 +24,7 @@ from refkin.motion_laws import Polynomial
 from refkin.proof.assembly import spatial as by_starts
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.spatial import _SpatialReader, certain_miss, starts
-from refkin.proof.numbers.preconditioned import WORSE, inverses
-from refkin.proof.pose import choices
+from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Bricard, DoubleHooke, Hooke, RSSRChain, ScrewJack, Stewart
@@ -34,6 +33,7 @@ from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import in_form
 from refkin.system import compile_system
 from tests.linkages import remade, without_estimates
+from tests.mutation.change import mutated
 
 EVERY = {
     "RSSR": RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)),
@@ -831,16 +831,11 @@ def test_a_loop_of_angles_that_does_not_close_misses_by_no_length():
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_pose_whose_chosen_rows_have_no_inverse_has_no_radius_and_warns_of_nothing(monkeypatch):
+def test_a_pose_whose_chosen_rows_have_no_inverse_has_no_radius_and_warns_of_nothing():
     """On some processors the tenth has none by its rounding alone; here the last of each group has none on any."""
-
-    def none_at_the_last(matrices):
-        inverse = inverses(matrices)
-        inverse[-1] = np.nan
-        return inverse
-
-    monkeypatch.setattr(choices, "inverses", none_at_the_last)
-    motion = refkin.solve(Bennett(length=1.5, alpha=0.8, beta=0.5).scene(samples=13))
+    found, without = "self.factors =", "self.inverse[-1] = np.nan; self.factors ="
+    with mutated("refkin.proof.pose.choices:_Moves.__init__", found, without):
+        motion = refkin.solve(Bennett(length=1.5, alpha=0.8, beta=0.5).scene(samples=13))
 
     assert motion.verdict is Status.OK
     assert 0 < np.isnan(motion.certified_radius.position).sum() < 13
