@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -138,13 +137,3 @@ def test_lengths_have_their_drift_where_mujoco_leaves_out_one_that_no_joint_can_
 
     assert tree.size * rate[0] == pytest.approx([0.0, -omega / length, 0.0], abs=16 * U)
     assert tree.size * drift[0] == pytest.approx([0.0, -1.5 * omega**2 / length, math.nan], abs=64 * U, nan_ok=True)
-
-
-def test_a_site_taken_for_the_origin_of_its_body_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    def without_the_reset(self: Plan) -> Any:
-        return self.spec.compile()
-
-    monkeypatch.setattr(Plan, "compile", without_the_reset)
-
-    with pytest.raises(AssertionError):
-        test_a_joint_point_nearer_to_its_body_s_origin_than_1e_6_is_not_taken_for_the_origin()

@@ -19,6 +19,8 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
+from refkin.fast.compiled import forget
+
 
 class DoesNotFit(Exception):
     """A replacement whose target or passage does not exist as it says."""
@@ -112,7 +114,8 @@ def compiled(function: types.FunctionType, definition: ast.AST) -> types.Functio
 
 
 def forget_caches() -> None:
-    """Empty the caches of this project's functions: what other formulas gave must not be found again."""
+    """Empty the caches of functions and programs of this project: what other formulas gave must not be found again."""
+    forget()
     for name, module in list(sys.modules.items()):
         if name.partition(".")[0] in ("refkin", "crosscheck", "tests"):
             for value in list(vars(module).values()):

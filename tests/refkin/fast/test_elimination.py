@@ -10,7 +10,7 @@ import pytest
 from refkin import Body, Mechanism, Polynomial
 from refkin.fast import program_of
 from refkin.fast.compiled import compiled
-from refkin.fast.elimination import blocks, eliminate
+from refkin.fast.elimination import eliminate
 from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
 from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of, spanning_tree
 from refkin.fast.elimination.run import Workspace
@@ -222,46 +222,6 @@ def test_a_crossed_choice_of_drivers_has_no_program():
     system = compile_system(Mechanism(bodies, joints, drivers))
 
     assert compiled(system, range(system.n), [p.g for p in system.placed]) is None
-
-
-def test_a_wrong_pivot_is_seen(monkeypatch):
-    """Cramer's rule with a sign that is wrong."""
-
-    def wrong(matrix):
-        (a, b), (c, d) = matrix
-        determinant = a * d + b * c
-        return blocks.Factored(
-            determinant,
-            abs(determinant),
-            lambda right: [(right[0] * d - b * right[1]) / determinant, (a * right[1] - right[0] * c) / determinant],
-        )
-
-    monkeypatch.setattr(blocks, "_by_cramer", wrong)
-    with pytest.raises(AssertionError):
-        test_a_block_is_solved_as_well_as_by_lapack(2)
-
-
-def test_an_exchange_that_is_forgotten_is_seen(monkeypatch):
-    monkeypatch.setattr(blocks, "_exchanged", lambda mask, a, b: (a, b))
-    with pytest.raises(AssertionError):
-        test_every_sample_has_its_own_order_of_rows(3)
-
-
-def test_a_row_left_out_of_the_total_derivatives_is_seen(monkeypatch):
-    from refkin.fast.compiled import forget
-
-    chained = eliminate._chained
-
-    def without(entries, total, sign):
-        return chained({c: x for c, x in entries.items() if c != 3}, total, sign)  # x of the coupler
-
-    forget()
-    monkeypatch.setattr(eliminate, "_chained", without)
-    try:
-        with pytest.raises(AssertionError):
-            test_a_newton_step_is_that_of_all_equations("four-bar")
-    finally:
-        forget()
 
 
 def test_what_a_coordinate_depends_on_in_the_end_is_what_itself_depends_on_nothing():

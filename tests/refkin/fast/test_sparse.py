@@ -13,7 +13,6 @@ import refkin
 from refkin import Body, Distance, DistanceDriver, Effect, Mechanism, Polynomial, Revolute, Scene, Status
 from refkin.errors import InvalidScene, RefkinError
 from refkin.fast import SparseSystem, attempt, program_of, solve_large, sweep
-from refkin.fast import sparse as module
 
 from .linkworks import chain
 from .scenes import SCENES, bare, system_of
@@ -189,16 +188,3 @@ def test_what_it_does_not_take_is_refused_by_what_it_is():
 def test_a_body_without_estimate_is_refused_by_name():
     with pytest.raises(InvalidScene, match="coupler0"):
         solve_large(moved(chain(1), "coupler0", None))
-
-
-def test_a_wrong_entry_is_seen(monkeypatch):
-    """A constant of the Jacobian that is never written."""
-    lay_out = SparseSystem._lay_out
-
-    def wrong(self):
-        lay_out(self)
-        self._constants[0] = 0.0
-
-    monkeypatch.setattr(module.SparseSystem, "_lay_out", wrong)
-    with pytest.raises(AssertionError):
-        test_assembly_by_groups_is_that_of_the_reference("four-bar")
