@@ -138,7 +138,7 @@ class Run:
         asked = [self.reach.order(what.target, node, at, named) for what, _, _, node, at in self.mutants]
         self.noting, most = cpu(), self.given.seconds
         self.trying([number for number, tests in enumerate(asked) if whole or any(tests)], [q for q, _ in asked], most)
-        known = {key for key, each in verdicts().items() if each["verdict"] != "to kill"}
+        known = {key for key, (verdict, _) in verdicts().items() if verdict != "to kill"}
         alive = [
             number
             for number, outcome in self.outcomes.items()
@@ -281,9 +281,9 @@ def forked(run):
 
 
 def verdicts():
-    """Return what is said of the survivors known so far, by their keys."""
+    """Return what each of the survivors known so far is, and why, by their keys."""
     kept = tomllib.loads((HERE / "survivors.toml").read_text(encoding="utf-8"))
-    return {each["change"]: each for each in kept["survivor"]}
+    return {change: (verdict, why) for verdict, survivors in kept.items() for change, why in survivors.items()}
 
 
 def told(run):
@@ -291,7 +291,7 @@ def told(run):
     known, counts, unknown = verdicts(), Counter(), 0
     for number, (what, *_) in enumerate(run.mutants):
         outcome = run.outcomes.get(number, "not tried")
-        fate = known.get(what.key, {}).get("verdict", "unknown") if outcome in ALIVE else outcome
+        fate = known.get(what.key, ("unknown", ""))[0] if outcome in ALIVE else outcome
         if outcome in ALIVE:
             print(f"{outcome or 'survived'}: {what.target}, line {what.line}: {fate}")
             print(f"    - {what.old}\n    + {what.new}")

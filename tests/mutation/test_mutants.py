@@ -186,9 +186,9 @@ def test_probes_tell_which_statements_were_reached_and_change_nothing(monkeypatc
 
 
 def test_every_survivor_has_a_verdict_with_a_reason():
-    for name, survivor in verdicts().items():
-        assert survivor["verdict"] in VERDICTS, name
-        assert len(survivor["why"]) > 20, name
+    for name, (verdict, why) in verdicts().items():
+        assert verdict in VERDICTS, name
+        assert len(why) > 20, name
 
 
 def test_every_verdict_is_of_a_change_that_the_code_still_has():
