@@ -67,7 +67,7 @@ class Mutant:
 def mutants():
     """Return all mutants, in the order of the file."""
     text = Path(__file__).with_name("mutants.toml").read_text(encoding="utf-8")
-    return [Mutant(**fields) for fields in tomllib.loads(text)["mutant"]]
+    return [Mutant(label=label, **fields) for label, fields in tomllib.loads(text).items()]
 
 
 def killed(mutant):
