@@ -166,8 +166,9 @@ class Ledger(_StrictRow):
 @cache
 def read() -> Ledger:
     """Return the ledger."""
-    text = files("crosscheck.documents.ledger").joinpath("ledger.toml").read_text(encoding="utf-8")
-    return TypeAdapter(Ledger).validate_json(json.dumps(tomllib.loads(text)))
+    whole = tomllib.loads(files("crosscheck.documents.ledger").joinpath("ledger.toml").read_text(encoding="utf-8"))
+    whole["row"] = [{"id": key, **row} for key, row in whole["row"].items()]
+    return TypeAdapter(Ledger).validate_json(json.dumps(whole))
 
 
 def leaves(name: str, tree: Any) -> Iterator[tuple[str, Any]]:
