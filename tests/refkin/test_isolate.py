@@ -22,6 +22,7 @@ from refkin.system import System, compile_system
 from tests.drawn import Drawn
 
 from .test_redundant import ring
+from .test_sweep import three_cranks
 
 # A bar on a pivot, the x of its tip given: x = cos phi, with the roots +-phi, which meet at x = 1.
 
@@ -133,47 +134,31 @@ def test_one_bad_sample_spoils_no_other() -> None:
     assert certify(bar(float(np.cos(1.0))), q, np.zeros(5)).ok.tolist() == [True, False, False, False, True]
 
 
-# Three parallel cranks of the same length: one row more than coordinates.
-
-
-def three_cranks(longer: float) -> tuple[System, Any]:
-    names = ("first", "second", "third")
-    joints = []
-    for k, name in enumerate(names):
-        length = 0.7 + (longer if k == 2 else 0.0)
-        pivot, pin = (k / 3, 0.1 * k), (k / 3 - 0.2, 0.1 * k + 0.3)
-        joints.append(Revolute(name=f"A{k}", body_i=GROUND, point_i=pivot, body_j=name, point_j=(0.0, 0.0)))
-        joints.append(Revolute(name=f"B{k}", body_i=name, point_i=(length, 0.0), body_j="coupler", point_j=pin))
-    motor = AngleDriver(name="motor", body="first", law=Polynomial(coefficients=(1.0, 0.7, -0.3)))
-    mechanism = Mechanism(tuple(Body(name=n) for n in (*names, "coupler")), tuple(joints), (motor,))
+def at_estimates(mechanism: Mechanism) -> tuple[System, Any]:
+    """Return the system of a mechanism and the pose (n, 1) that its bodies are estimated at."""
     system = compile_system(mechanism, unit=mechanism.unit())
-    pins = [(k / 3, 0.1 * k, 1.0) for k in range(3)]
-    coupler = (0.7 * np.cos(1.0) + 0.2, 0.7 * np.sin(1.0) - 0.3, 0.0)
-    return system, system.to_unit(np.array([*pins, coupler]).reshape(12, 1))
+    return system, system.to_unit(np.concatenate([body.estimate for body in mechanism.bodies])[:, None])
 
 
 def test_a_redundant_mechanism_is_certified_on_independent_rows() -> None:
     """Its driver moves; that its lengths and pins are rounded explains what redundant rows miss, at every level."""
-    system, q = three_cranks(0.0)
+    system, q = at_estimates(three_cranks(0.0).mechanism)
     isolation = isolate(system, q, [0.0])
     assert (system.m, system.n, isolation.ok[0], isolation.contradiction.max() < 1) == (13, 12, True, True)
     qd = velocity(system, q, np.zeros(1))
     assert isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1))).contradiction.max() < 1
 
 
-@pytest.mark.parametrize("longer", [1e-3, 1e-9, 1e-12])
-def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> None:
-    system, q = three_cranks(longer)
-    isolation = isolate(system, q, [0.0])
-    assert isolation.contradiction.max() > 1
+@pytest.mark.parametrize("off", [1e-3, 1e-9, 1e-12])
+def test_redundant_rows_that_contradict_each_other_are_seen(off: float) -> None:
+    system, q = at_estimates(three_cranks(0.0, off).mechanism)
+    assert isolate(system, q, [0.0]).contradiction.max() > 1
 
 
 @pytest.mark.parametrize(("count", "explained"), [(3, False), (4, True)])
 def test_rows_that_share_a_pose_but_no_velocity_contradict_each_other(count: int, explained: bool) -> None:
     """Three wheels in a ring lock each other, four do not; either way all rows hold at the first pose."""
-    mechanism = ring(count)
-    system = compile_system(mechanism, unit=mechanism.unit())
-    q = system.to_unit(np.concatenate([body.estimate for body in mechanism.bodies])[:, None])
+    system, q = at_estimates(ring(count))
     isolation = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
     assert isolate(system, q, [0.0]).contradiction.max() <= 1
     assert bool(isolation.contradiction.max() <= 1) is explained
