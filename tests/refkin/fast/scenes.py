@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-import refkin
 from refkin import Body, Fixed, InvertedSliderCrank, Sinusoid, SliderCrank, YDriver
 from tests.linkages import ROCKER, remade
 
@@ -59,8 +58,3 @@ def flagged():
 
 
 SCENES = by_name()
-
-
-def system_of(scene):
-    """The system of a scene in its own unit, with all effects."""
-    return refkin.compile_system(scene.mechanism, unit=scene.mechanism.unit())

@@ -19,9 +19,10 @@ from refkin.fast.elimination.trace import known_of, trace
 from refkin.joints import AngleDriver
 from refkin.proof.numbers.symbols import Graph
 from refkin.system import compile_system
+from tests.linkages import system_of
 
 from .linkworks import chain, pin
-from .scenes import SCENES, system_of
+from .scenes import SCENES
 
 SAMPLES = 5
 

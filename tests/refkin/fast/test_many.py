@@ -39,12 +39,12 @@ from refkin.newton import CONTRACTION
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
 from tests.claims import assert_near
-from tests.linkages import beside_a_wheel, remade, without_estimates
+from tests.linkages import beside_a_wheel, remade, system_of, without_estimates
 from tests.mutation.change import mutated
 
 from .families import closed_form, errors, estimates, geometry, grashof, scene
 from .linkworks import chain
-from .scenes import ROCKER, SCENES, bare, system_of
+from .scenes import ROCKER, SCENES, bare
 
 block = importlib.import_module("refkin.fast.block")
 U = 2.0**-53

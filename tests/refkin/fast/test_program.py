@@ -15,6 +15,7 @@ from refkin import Effect, FourBar, Point, SliderCrank
 from refkin.errors import RefkinError
 from refkin.fast import legend, program_of, solve_many, sweep
 from refkin.fast.elimination.program import SEGMENTS
+from tests.linkages import system_of
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare
@@ -225,8 +226,6 @@ def test_the_source_of_a_program_holds_nothing_of_the_scene():
     from refkin.fast.compiled import compiled
     from refkin.fast.elimination.program import source
     from refkin.fast.elimination.schedule import schedule
-
-    from .scenes import system_of
 
     system = system_of(SCENES["roller over lobes"])
     made = compiled(system, range(system.n), [p.g for p in system.placed])

@@ -13,9 +13,10 @@ import refkin
 from refkin import Body, Distance, DistanceDriver, Effect, Mechanism, Polynomial, Revolute, Scene, Status
 from refkin.errors import InvalidScene, RefkinError
 from refkin.fast import SparseSystem, attempt, program_of, solve_large, sweep
+from tests.linkages import system_of
 
 from .linkworks import chain
-from .scenes import SCENES, bare, system_of
+from .scenes import SCENES, bare
 
 
 def drawn(system, seed=0):

@@ -39,10 +39,10 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.fast.redundant import by_all_rows
 from refkin.proof.path import branch
 from refkin.scenes.linkages import RSSR
-from tests.linkages import remade, without_estimates
+from tests.linkages import remade, system_of, without_estimates
 
 from .linkworks import chain
-from .scenes import ROCKER, SCENES, bare, system_of
+from .scenes import ROCKER, SCENES, bare
 
 module = importlib.import_module("refkin.fast.sweep")
 answer = importlib.import_module("refkin.fast.answer")

@@ -25,13 +25,10 @@ from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.spatial import _SpatialReader, certain_miss, point_rows
 from refkin.system import compile_system
+from tests.linkages import system_of
 from tests.passive import SPINNING, loop, sliding
 
 WIDE = np.linspace(0.0, 2.5, 11)
-
-
-def system_of(scene):
-    return compile_system(scene.mechanism, unit=scene.mechanism.unit())
 
 
 @pytest.mark.parametrize("cls", [Cylindrical, Screw])
