@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -49,7 +51,15 @@ def test_every_row_names_a_document_that_exists():
 
 
 def test_every_row_has_something_to_compute():
-    assert [row.id for row in read().row if not (row.computation or row.also)] == []
+    assert [row["id"] for row in all_rows() if not row["computed_by"]] == []
+
+
+def test_every_function_that_is_named_by_a_row_recomputes_one():
+    there = {(row.module, row.id.lower()) for row in read().row}
+    for name in {module for module, _ in there}:
+        module = importlib.import_module(f"crosscheck.documents.ledger.{name}")
+        named = filter(None, (re.fullmatch("(?:[a-z]+_)?([a-d][0-9]+)", each) for each in vars(module)))
+        assert {(name, match[1]) for match in named} <= there
 
 
 def test_what_a_lost_figure_leaves_open_is_marked():
@@ -108,7 +118,7 @@ SAID = {
         replace(ROWS["C8"], errata=()),
         "phi moved[1][1]: -17.8108 is printed, which is wrong: no erratum says so",
     ),
-    "nothing is checked": (replace(ROWS["D23"], computation="", also=(), values=()), "nothing is checked"),
+    "nothing is checked": (replace(ROWS["D23"], id="D0", values=()), "nothing is checked"),
     "a truth outside its bounds": (changed("A8", "rate at the fold", truth=None, between=("0.6", "0.7")), ""),
     "an erratum for a right number": (
         replace(ROWS["C5"], errata=(Erratum(kind="wrong", at=("det",), cause="none"),)),

@@ -29,6 +29,8 @@ SAFETY = 2.0
 MOST_BINARY64 = 15
 """Digits beyond which a stated truth must be enclosed: binary64 holds no more for certain."""
 TRUTH = f"balls of {JUDGE_BITS} bits"
+OTHERS = ("loops", "refkin", "scan")
+"""Other parts of the project: vector loops, the reference, and a scan of all readings of a lost figure."""
 
 Sources = dict[str, dict[str, Any]]
 """What each source has computed: path -> number, word, or yes and no."""
@@ -38,8 +40,7 @@ def computed(row: LedgerRow) -> tuple[Sources, dict[str, Any]]:
     """Return what each source makes of a row, and the radius of each number on balls of 53 bits."""
     sources: Sources = {}
     radii: dict[str, Any] = {}
-    if row.computation:
-        compute = _function(row.computation)
+    if compute := _function(row):
         sources[Binary64.name] = _flat(compute(Binary64(), row.inputs))
         for bits in (JUDGE_BITS, ROUNDING_BITS):
             balls = ArbNumbers(bits)
@@ -49,8 +50,9 @@ def computed(row: LedgerRow) -> tuple[Sources, dict[str, Any]]:
                 sources[TRUTH] = values
             else:
                 radii = {path: x.rad() for path, x in values.items() if isinstance(x, arb)}
-    for name in row.also:
-        sources[name.partition(":")[2].partition("_")[0]] = _flat(_function(name)(Binary64(), row.inputs))
+    for name in OTHERS:
+        if compute := _function(row, f"{name}_"):
+            sources[name] = _flat(compute(Binary64(), row.inputs))
     return sources, radii
 
 
@@ -69,9 +71,10 @@ def check_row(row: LedgerRow) -> dict[str, Any]:
     if not checked and not row.open:
         failures.append("nothing is checked")
     status = "fail" if failures else "open" if row.open else "pass"
-    plain = ("id", "document", "item", "computation", "inferred", "open", "note")
+    plain = ("id", "document", "item", "inferred", "open", "note")
     return {
         **{key: getattr(row, key) for key in plain},
+        "computation": f"{row.module}:{row.id.lower()}" if TRUTH in sources else "",
         "inputs": {key: _plain(value) for key, value in row.inputs.items()},
         "computed_by": list(sources),
         "status": status,
@@ -81,9 +84,10 @@ def check_row(row: LedgerRow) -> dict[str, Any]:
     }
 
 
-def _function(name: str) -> Callable[..., dict[str, Any]]:
-    module, _, function = name.partition(":")
-    return getattr(importlib.import_module(f"crosscheck.documents.ledger.{module}"), function)  # type: ignore[no-any-return]
+def _function(row: LedgerRow, by: str = "") -> Callable[..., dict[str, Any]] | None:
+    """Return what recomputes a row, or does so by another part of the project; None if nothing does."""
+    module = importlib.import_module(f"crosscheck.documents.ledger.{row.module}")
+    return getattr(module, f"{by}{row.id.lower()}", None)
 
 
 def _flat(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -137,16 +137,15 @@ class Erratum(_StrictRow):
 class LedgerRow(_StrictRow):
     """One system, algorithm or printed number of the source documents.
 
-    `computation` is the module:function of this package that recomputes it in binary64 and on balls, `also` are some
-    that do by other parts of the project. `inferred` says what the document does not fix, because a figure or a number
-    is lost, and how it is read here; `open` what cannot be checked yet, and why: such a row is never called passed.
+    `module` is that of this package whose functions recompute it. `inferred` says what the document does not fix,
+    because a figure or a number is lost, and how it is read here; `open` what cannot be checked yet, and why: such a
+    row is never called passed.
     """
 
     id: str
+    module: str
     document: str
     item: str
-    computation: str = ""
-    also: tuple[str, ...] = ()
     inputs: Mapping[str, Any] = field(default_factory=dict)
     values: tuple[Value, ...] = ()
     errata: tuple[Erratum, ...] = ()
@@ -167,8 +166,10 @@ class Ledger(_StrictRow):
 def read() -> Ledger:
     """Return the ledger."""
     whole = tomllib.loads(files("crosscheck.documents.ledger").joinpath("ledger.toml").read_text(encoding="utf-8"))
-    whole["row"] = [{"id": key, **row} for key, row in whole["row"].items()]
-    return TypeAdapter(Ledger).validate_json(json.dumps(whole))
+    documents = whole.pop("documents")
+    rows = [{"id": key, "module": module, **row} for module, table in whole.items() for key, row in table.items()]
+    rows.sort(key=lambda row: (row["id"][0], int(row["id"][1:])))
+    return TypeAdapter(Ledger).validate_json(json.dumps({"documents": documents, "row": rows}))
 
 
 def leaves(name: str, tree: Any) -> Iterator[tuple[str, Any]]:
