@@ -46,7 +46,7 @@ def test_the_errata_are_forty_and_in_their_rows():
     assert sum(counted.values()) == 40
 
 
-def test_every_row_names_a_document_that_exists():
+def test_every_document_has_rows():
     assert {row.document for row in read().row} == set(read().documents)
 
 

@@ -137,9 +137,9 @@ class Erratum(_StrictRow):
 class LedgerRow(_StrictRow):
     """One system, algorithm or printed number of the source documents.
 
-    `module` is that of this package whose functions recompute it. `inferred` says what the document does not fix,
-    because a figure or a number is lost, and how it is read here; `open` what cannot be checked yet, and why: such a
-    row is never called passed.
+    `module` is that of this package whose functions recompute it; it is named by the `document`. `inferred` says what
+    that does not fix, because a figure or a number is lost, and how it is read here; `open` what cannot be checked yet,
+    and why: such a row is never called passed.
     """
 
     id: str
@@ -167,7 +167,10 @@ def read() -> Ledger:
     """Return the ledger."""
     whole = tomllib.loads(files("crosscheck.documents.ledger").joinpath("ledger.toml").read_text(encoding="utf-8"))
     documents = whole.pop("documents")
-    rows = [{"id": key, "module": module, **row} for module, table in whole.items() for key, row in table.items()]
+    rows = []
+    for module, table in whole.items():
+        (document,) = (name for name in documents if name.lower() == module.partition("_")[0])
+        rows += [{"id": key, "module": module, "document": document, **row} for key, row in table.items()]
     rows.sort(key=lambda row: (row["id"][0], int(row["id"][1:])))
     return TypeAdapter(Ledger).validate_json(json.dumps({"documents": documents, "row": rows}))
 
