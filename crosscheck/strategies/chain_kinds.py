@@ -87,8 +87,7 @@ def _five_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """
     a, b = size, size * draw(st.floats(0.5, 2.0), label="second crank")
     d = (a + b) * draw(st.floats(1.25, 2.5), label="ground")
-    near, far = d - a - b, d + a + b
-    c, e = _draw_two_links(draw, near, far)
+    c, e, margin = _draw_two_links(draw, d - a - b, d + a + b)
     ratio = draw(st.sampled_from((1.0, -1.0, 2.0, -2.0, 0.5)) | st.floats(0.25, 3.0), label="ratio")
     phi0 = draw(ANGLES, label="angle of mesh")
 
@@ -110,7 +109,7 @@ def _five_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
             f.pin("P", "left", c + 0j, "right", -e + 0j),
         ]
 
-    return ChainPlan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+    return ChainPlan("crank", joints, poses, margin, max(c, e, d))
 
 
 def _planet(draw: DrawFn, size: float, side: int) -> ChainPlan:
@@ -120,8 +119,7 @@ def _planet(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """
     a, b = size, size * draw(st.floats(0.25, 1.0), label="arm of the planet")
     d = (a + b) * draw(st.floats(1.25, 2.5), label="ground")
-    near, far = d - a - b, d + a + b
-    c, e = _draw_two_links(draw, near, far)
+    c, e, margin = _draw_two_links(draw, d - a - b, d + a + b)
     ratio = draw(st.sampled_from((1.0, -2.0, 2.0, -0.5)) | st.floats(0.25, 3.0), label="ratio")
     phi0 = draw(ANGLES, label="angle of mesh")
 
@@ -148,14 +146,15 @@ def _planet(draw: DrawFn, size: float, side: int) -> ChainPlan:
             f.pin("B", "coupler", c + 0j, "rocker", e + 0j),
         ]
 
-    return ChainPlan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+    return ChainPlan("crank", joints, poses, margin, max(c, e, d))
 
 
-def _draw_two_links(draw: DrawFn, near: float, far: float) -> tuple[float, float]:
-    """Draw two links whose ends meet at any distance between two."""
+def _draw_two_links(draw: DrawFn, near: float, far: float) -> tuple[float, float, float]:
+    """Draw two links whose ends meet at any distance between two, and the margin that they keep."""
     c = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
     e = c + draw(SIGNS, label="longer coupler") * near * draw(PARTS, label="difference")
-    return c, e if c + e > 1.0625 * far else 2 * c - e
+    e = e if c + e > 1.0625 * far else 2 * c - e
+    return c, e, min(c + e - far, near - abs(c - e))
 
 
 def _rack(draw: DrawFn, size: float, side: int) -> ChainPlan:
@@ -305,9 +304,7 @@ def _six_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
 def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, float]:
     """Draw ground, coupler and rocker around a crank that turns fully, and the margin that its closure keeps."""
     ground = size * draw(st.floats(2.0, 5.0), label="ground")
-    near, far = ground - size, ground + size
-    coupler, rocker = _draw_two_links(draw, near, far)
-    return ground, coupler, rocker, min(coupler + rocker - far, near - abs(coupler - rocker))
+    return ground, *_draw_two_links(draw, ground - size, ground + size)
 
 
 KINDS: Mapping[str, Callable[[DrawFn, float, int], ChainPlan]] = {

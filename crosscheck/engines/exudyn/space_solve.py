@@ -171,16 +171,12 @@ class SpaceEquations(OwnSolver):
             if not self.model.newton(tolerance):
                 break
             last = self.model.coordinates()
-            left = self._residual(last, t)
+            left = float(np.abs(self.model.residual(last, t)).max(initial=0.0))
             if left < least:
                 best, least = last, left
             if left <= SETTLED * max(1.0, np.abs(q).max()):
                 break
         return best
-
-    def _residual(self, q: Array, t: float) -> float:
-        """Return the largest residual of exudyn's rows."""
-        return float(np.abs(self.model.residual(q, t)).max(initial=0.0))
 
     def _shipped_newton(self, t: float, start: Array) -> Array:
         self.model.set_time(t)
