@@ -71,9 +71,8 @@ def check_row(row: LedgerRow) -> dict[str, Any]:
     if not checked and not row.open:
         failures.append("nothing is checked")
     status = "fail" if failures else "open" if row.open else "pass"
-    plain = ("id", "document", "item", "inferred", "open", "note")
     return {
-        **{key: getattr(row, key) for key in plain},
+        **{key: getattr(row, key) for key in ("id", "document", "item", "inferred", "open", "note")},
         "computation": f"{row.module}:{row.id.lower()}" if TRUTH in sources else "",
         "inputs": {key: _plain(value) for key, value in row.inputs.items()},
         "computed_by": list(sources),

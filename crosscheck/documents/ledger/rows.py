@@ -167,10 +167,10 @@ def read() -> Ledger:
     """Return the ledger."""
     whole = tomllib.loads(files("crosscheck.documents.ledger").joinpath("ledger.toml").read_text(encoding="utf-8"))
     documents = whole.pop("documents")
-    rows = []
+    named, rows = {name.lower(): name for name in documents}, list[dict[str, Any]]()
     for module, table in whole.items():
-        (document,) = (name for name in documents if name.lower() == module.partition("_")[0])
-        rows += [{"id": key, "module": module, "document": document, **row} for key, row in table.items()]
+        about = {"module": module, "document": named[module.partition("_")[0]]}
+        rows += [{"id": key, **about, **row} for key, row in table.items()]
     rows.sort(key=lambda row: (row["id"][0], int(row["id"][1:])))
     return TypeAdapter(Ledger).validate_json(json.dumps({"documents": documents, "row": rows}))
 
