@@ -29,8 +29,7 @@ SAFETY = 2.0
 MOST_BINARY64 = 15
 """Digits beyond which a stated truth must be enclosed: binary64 holds no more for certain."""
 TRUTH = f"balls of {JUDGE_BITS} bits"
-OTHERS = ("loops", "refkin", "scan")
-"""Other parts of the project: vector loops, the reference, and a scan of all readings of a lost figure."""
+OTHERS = ("loops", "refkin", "scan")  # vector loops, the reference, all readings of a lost figure
 
 Sources = dict[str, dict[str, Any]]
 """What each source has computed: path -> number, word, or yes and no."""
