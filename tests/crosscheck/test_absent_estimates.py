@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from refkin.joints import PLANE
 from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar
 from tests.linkages import ROCKER, without_estimates
+from tests.places import ROOT
 
-EXAMPLES = sorted((Path(__file__).parent.parent.parent / "examples").glob("*.toml"))
+EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
 
 
 @pytest.mark.parametrize("kept", [(), ("crank",)], ids=["no estimate", "one estimate"])

@@ -29,8 +29,8 @@ from crosscheck.scenes.drawing import draw
 from refkin.errors import RefkinError
 from refkin.model import Mechanism
 from refkin.scenes.linkages import RSSP, Branch
+from tests.places import CORPUS, ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 EXAMPLE = ROOT / "examples" / "test_own_solver.py"
 LAW = refkin.Sinusoid(offset=1.0, amplitude=0.8, angular_frequency=1.3, phase=0.4)
 TIMES = tuple(float(t) for t in np.linspace(0.0, 2.0, 9))
@@ -159,7 +159,6 @@ def test_the_other_assembly_at_one_time_is_said_whatever_is_off_at_another():
     assert not compare(ref, replace(right, q=q)).other_assembly
 
 
-CORPUS = ROOT / "tests" / "corpus"
 SINGULAR, LOST = (refkin.load(CORPUS / f"{name}.toml") for name in ("singular-in-the-end", "crank-over-a-gap"))
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import refkin
 from crosscheck.commands.engines import PLACES, arbiter_table
 from crosscheck.judge import known_gaps
 from crosscheck.measure.check import check
 from refkin.scenes.linkages import ScrewJack
+from tests.places import CORPUS
 
-ROOT = Path(__file__).parent.parent.parent
-JUMP = ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml"
+JUMP = CORPUS / "exudyn-shipped-changes-assembly.toml"
 
 
 def places(record):

@@ -33,6 +33,7 @@ from crosscheck.workers.processes import Failure, FailureKind
 from crosscheck.workers.timing import Timing
 from refkin.solving import limits
 from refkin.system import compile_system
+from tests.places import ROOT
 
 COMPILER = any(map(shutil.which, c_kernels.COMPILERS))
 THERE = [producer for producer in measure.PRODUCERS if COMPILER or producer != "c"]
@@ -438,7 +439,7 @@ def out_of_order(asked: object) -> None:
 
 
 def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(command, monkeypatch, caplog):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    monkeypatch.syspath_prepend(str(ROOT))
     monkeypatch.setattr(measure, "measured_by_name", out_of_order)
     monkeypatch.setattr(limits, "LOOK", 0.005)
     monkeypatch.setattr(limits, "LONG", 0.01)
@@ -504,7 +505,7 @@ def test_a_workload_that_is_named_twice_is_measured_once(command, monkeypatch):
     assert asked == ["chain-10"]
 
 
-RESULTS = sorted((Path(__file__).parents[2] / "reports").glob("bench-*.json"))
+RESULTS = sorted((ROOT / "reports").glob("bench-*.json"))
 
 
 def test_committed_results_cover_all_workloads():

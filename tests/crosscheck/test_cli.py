@@ -34,13 +34,12 @@ from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import load as load_scene
 from refkin.scenes.files import to_toml
 from refkin.solving.limits import expected_seconds
+from tests.places import CORPUS, ROOT
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
 from .fake_engines import command as command_line
 
-ROOT = Path(__file__).parent.parent.parent
 GOOD = ROOT / "examples" / "crank-rocker.toml"
-CORPUS = ROOT / "tests" / "corpus"
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 FRAMES = ROOT / "crosscheck" / "engines" / "frames.py"
 NIGHT = 31

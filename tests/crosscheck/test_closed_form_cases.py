@@ -4,7 +4,6 @@ import cmath
 import math
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,10 +26,10 @@ from tests.claims import U
 from tests.drawn import Drawing
 from tests.linkages import remade, with_law, without_estimates
 from tests.mutation.change import mutated
+from tests.places import CORPUS
 
 from .closed_form_scenes import in_balls
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
 LAW = Polynomial(coefficients=(0.3, 1.0))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,11 +22,11 @@ from crosscheck.measure.hard_table import outcome_of
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
+from tests.places import ROOT
 
 from .fake_engines import HANG, SEGFAULT, engine_file
 from .hard_engines import Claims, Own, Right, Stale, Swapped
 
-ROOT = Path(__file__).parent.parent.parent
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 ASKED = {question.about: question for question in questions()}
 CHANGED = """m = scene.mechanism

@@ -27,11 +27,12 @@ from refkin.model import Point
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import FourBar
 from refkin.solving.solve import solve
+from tests.places import EXAMPLES
 
 from .fake_engines import EXIT, HANG, RAISE, engine_file
 from .report_records import effect_row
 
-EXAMPLE = Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml"
+EXAMPLE = EXAMPLES / "crank-rocker.toml"
 KEYS = {"engine", "effect", "microseconds", "inert", "largest_change"}
 CALLED_FOR = {"velocity", "acceleration", "points", "other bodies", "condition", "certificate"}
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=2.0, turns=0.1, samples=5)

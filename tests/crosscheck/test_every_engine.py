@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial
 from tests.mutation.change import mutated
+from tests.places import CORPUS
 from tests.refkin.test_sweep import twice
 
 from .exact_linkages import CASES, EPS, T, case_with, excess, four_bar, turned_on
@@ -151,7 +151,7 @@ def test_a_law_may_begin_whole_turns_from_where_estimates_show_its_pose(engine, 
 @pytest.mark.parametrize("name", ["relative-law-begins-a-turn-on.toml", "geared-crank-begins-turns-on.toml"])
 def test_turns_that_drivers_and_gears_count_choose_no_other_assembly(engine, name):
     """Nor for the reference, which closed forms contradicted."""
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / name)
+    scene = refkin.load(CORPUS / name)
 
     assert check(scene, [engine]).disagreements == []
 

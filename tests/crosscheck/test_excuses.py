@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +21,8 @@ from crosscheck.measure import check as checking
 from crosscheck.measure.check import REGULAR, check, permuted
 from refkin import FourBar, Polynomial
 from refkin.motion import Status
+from tests.places import CORPUS
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 PASSED = refkin.load(CORPUS / "near-singular-between-times.toml")
 TURNED = refkin.load(CORPUS / "slider-turned-1e4-rad.toml")
 REGULAR_MOTION = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)

@@ -6,7 +6,6 @@ import gc
 import weakref
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.system import compile_system
 from tests.linkages import remade, with_law
+from tests.places import CORPUS, ROOT
 
 from .exact_linkages import CASES as LINKAGES
 from .exact_linkages import (
@@ -208,7 +208,7 @@ def test_its_version_and_its_methods_are_those_that_are_pinned() -> None:
 
 def test_turns_that_newton_added_from_a_far_start_cost_no_digits():
     """The rod was turned eleven times on the way to its first pose, and each pose was off by what an ulp is there."""
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
+    scene = refkin.load(CORPUS / "exudyn-shipped-distance-driver.toml")
     (rod,) = scene.mechanism.bodies
     far = replace(rod, estimate=(-0.8068, 0.291, 0.53))
     scene = replace(scene, mechanism=replace(scene.mechanism, bodies=(far,)))
@@ -219,7 +219,7 @@ def test_turns_that_newton_added_from_a_far_start_cost_no_digits():
 
 def test_what_its_stopping_rule_leaves_of_a_driven_distance_is_of_its_own_row_and_not_of_the_squared_one() -> None:
     """Its row, |d| - f, moves by 908 m from time to time, and is 33 m off at the estimates; ours is 357,464 m^2 off."""
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-squared-residual.toml")
+    scene = refkin.load(CORPUS / "exudyn-shipped-squared-residual.toml")
     (rule,) = Exudyn().terms(scene, SHIPPED)
     law = scene.mechanism.drivers[0].laws[0]
     lengths = [law(t, 0) for t in scene.times]
@@ -239,14 +239,14 @@ def test_what_its_stopping_rule_leaves_of_a_driven_distance_is_of_its_own_row_an
 )
 def test_what_its_stopping_rules_leave_is_no_disagreement(name: str, asked: list[Any]) -> None:
     """Steps may be of any size, and what an error does counts by its square, too, where it does nothing by itself."""
-    record = check(refkin.load(Path(__file__).parents[1] / "corpus" / name), ["exudyn"])
+    record = check(refkin.load(CORPUS / name), ["exudyn"])
 
     assert [str(item) for item in record.disagreements if item.method in {route.name for route in asked}] == []
 
 
 def test_a_pose_at_a_fold_is_corrected_until_little_of_its_residual_is_left() -> None:
     """Corrected once, it was off by 1.02 times the allowed error."""
-    record = check(refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-corrected-at-a-fold.toml"), ["exudyn"])
+    record = check(refkin.load(CORPUS / "exudyn-corrected-at-a-fold.toml"), ["exudyn"])
     (static,) = (answer for answer in record.answers if answer.method.name == "static")
 
     assert max(q.ratio for q in static.quantities.values()) < 0.2
@@ -478,7 +478,7 @@ def test_bodies_in_another_order_than_the_columns_are_an_engine_error(monkeypatc
 
 @pytest.mark.parametrize("name", ["distance-driver", "spatial-distance-driver"])
 def test_a_length_that_exudyn_does_not_take_leaves_no_other_at_its_time(name: str) -> None:
-    scene = refkin.load(Path(__file__).parents[2] / "docs" / "scenes" / f"{name}.toml")
+    scene = refkin.load(ROOT / "docs" / "scenes" / f"{name}.toml")
     (driver,) = scene.mechanism.drivers
     two = [replace(driver, name=x, law=Polynomial(coefficients=(1.5, slope))) for x, slope in (("a", 1.0), ("b", -1.0))]
     model = Exudyn().constraints(remade(scene, drivers=tuple(two)))

@@ -18,11 +18,12 @@ from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, hunt, ratios, tur
 from crosscheck.night.plan import write_scene
 from crosscheck.report.measured import measured
 from crosscheck.scenes.drawing import draw, expected_of
+from tests.places import EXAMPLES
 
 from .fake_engines import engine_file
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
-SCENE = refkin.load(Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml")
+SCENE = refkin.load(EXAMPLES / "crank-rocker.toml")
 
 
 def test_rows_are_printed_as_json(command):

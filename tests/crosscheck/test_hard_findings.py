@@ -26,8 +26,8 @@ from crosscheck.judge.known_gaps import BAD, HardOutcome, InvalidGap, finding_of
 from crosscheck.measure.hard_table import classed, listed, outcome_of
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
+from tests.places import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 FINDINGS = read_findings()
 ROUTES = {name: tuple(key[1] for key in listed(name)) for name in PEERS}
 IN_TABLE = [f for f in FINDINGS if f.method in ROUTES[f.engine]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,11 +23,11 @@ from crosscheck.night.hunting import CERTIFICATE, MOST_STARTS, Bag, Catch, hunt,
 from crosscheck.night.plan import engines_option
 from crosscheck.scenes.drawing import MOST_OF_SPACE, SAMPLES, climb, draw, shortened
 from refkin.scenes.files import parse
+from tests.places import ROOT
 
 from .report_records import answer, disagreement, good_answer, outcome, quantity, record, typed, write
 from .report_records import built as report_of
 
-ROOT = Path(__file__).parent.parent.parent
 SCENE = refkin.load(ROOT / "examples" / "crank-rocker.toml")
 EVIL = "\x1b]0;owned\x07\x1b[2J"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +14,11 @@ from crosscheck.engines.loading import load
 from crosscheck.engines.methods import ORDERS, Use, methods, of_routes
 from crosscheck.scenes.drawing import draw
 from refkin.model import Effect
+from tests.places import CORPUS, EXAMPLES, ROOT
 
 from .made_up_engines import Made, by
 
-EXAMPLES, JOINTS, CORPUS = (
-    Path(__file__).parents[2] / folder for folder in ("examples", "docs/scenes", "tests/corpus")
-)
+JOINTS = ROOT / "docs/scenes"
 KEEP = ("exudyn", "pinocchio", "mujoco", "vector_loop")
 """The closed form is one run from a scene's numbers to its answer: there is nothing to be kept."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -14,11 +13,11 @@ from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure import jobs
 from crosscheck.measure.check import check
 from crosscheck.night.campaign import still_shows
+from tests.places import CORPUS, ROOT
 
 from .report_records import WHO, answer, typed
 from .report_records import record as planted
 
-ROOT = Path(__file__).parent.parent.parent
 GAPS = read()
 ROW = """
 [[gap]]
@@ -105,7 +104,7 @@ def test_every_scene_of_the_corpus_belongs_to_a_row_or_to_a_test():
     result = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
     result += " ".join(gap.reproduction for gap in GAPS) + " ".join(finding.scene for finding in read_findings())
 
-    assert [path.name for path in (ROOT / "tests" / "corpus").glob("*.toml") if path.name not in result] == []
+    assert [path.name for path in CORPUS.glob("*.toml") if path.name not in result] == []
 
 
 FAULTS = {

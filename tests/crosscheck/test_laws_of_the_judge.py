@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import product as every
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -64,8 +63,8 @@ from refkin.scenes.linkages import RSSR, Bennett
 from tests.crosscheck.exact_linkages import scotch_yoke
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
+from tests.places import CORPUS
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 RULE = Term(name="stopping rule", level="position", reason="made up", absolute=1e-8)
 X, Y = Running(1.7, 3e-7), Running(-0.6, 2e-7)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,11 +27,11 @@ from crosscheck.judge.running_error import parts, running
 from crosscheck.measure.check import check, key_of
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
 from refkin.scenes import files
+from tests.places import CORPUS
 
 from . import space_scenes
 
 AXES = {"axis": (0.0, 0.0, 1.0), "zero": (1.0, 0.0, 0.0)}
-CORPUS = Path(__file__).parents[1] / "corpus"
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
 LEVER_POINT = (-7.402744570506538e-06, 3e-6)

@@ -7,7 +7,6 @@ import math
 import warnings
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,9 +24,9 @@ from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
 from refkin.solving.solve import solve
 from tests.linkages import without_estimates
+from tests.places import EXAMPLES
 from tests.refkin.test_sweep import three_cranks
 
-EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 SCENE = LINKAGE.scene(speed=2.0, turns=0.5, samples=19)
 SLIDER = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(speed=2.0, turns=0.2, samples=5)

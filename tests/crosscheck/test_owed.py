@@ -37,6 +37,7 @@ from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Table
 from refkin.scenes import files
+from tests.places import CORPUS
 
 from .fake_engines import engine_file
 from .made_up_engines import Made
@@ -589,7 +590,7 @@ def test_rates_that_are_wrong_elsewhere_are_not_those_of_another_assembly():
 
 
 def test_a_term_of_rates_is_granted_as_far_as_the_shortest_link_may_turn():
-    short = files.load(Path(__file__).parents[1] / "corpus" / "slider-on-a-short-rod.toml")
+    short = files.load(CORPUS / "slider-on-a-short-rod.toml")
     assert [d for d in check(short, ["pinocchio"]).disagreements if d.engine == "pinocchio"] == []
 
     fast = Term(name="own", reason="because", level="acceleration", of_rates=1e-8)

@@ -32,6 +32,7 @@ from crosscheck.scenes.names import called
 from refkin import FourBar
 from refkin.model import Effect, Mechanism
 from refkin.scenes.files import to_dict
+from tests.places import EXAMPLES
 
 from .hard_engines import Complex, FaultyFirst, Own
 
@@ -39,7 +40,7 @@ FILE = Path(__file__).with_name("hard_engines.py")
 OWN, FIRST, COMPLEX = (f"{FILE}:{name}" for name in ("Own", "FaultyFirst", "Complex"))
 RIGHT, FAULTY = "right", "faulty, by 1e-6"
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=4)
-IN_SPACE = refkin.load(Path(__file__).parents[2] / "examples" / "rssr.toml")
+IN_SPACE = refkin.load(EXAMPLES / "rssr.toml")
 IN_SPACE = replace(IN_SPACE, times=IN_SPACE.times[:3])
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from tests.linkages import with_law
 from tests.mutation.change import mutated
+from tests.places import CORPUS
 
 from .exact_linkages import four_bar, slider_crank
 
@@ -108,7 +108,7 @@ def test_a_pose_just_before_the_end_of_a_branch_is_found_where_the_end_was_guess
     assert set(engine.solve(scene, engine.routes()[0]).status) == {Status.OK}
 
 
-NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"
+NEAR_LIMIT = CORPUS / "massless-link-near-limit.toml"
 """A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: there the link turns 64 times as fast."""
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from dataclasses import asdict, replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,8 +25,8 @@ from crosscheck.scenes import workloads
 from crosscheck.scenes.hard import hard_cases
 from refkin.scenes.files import load
 from refkin.scenes.linkages import RSSR
+from tests.places import ROOT
 
-ROOT = Path(__file__).parents[2]
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 KEY = ("two_circles", "two circles", "")
 SCENE = load(ROOT / "examples" / "crank-rocker.toml")

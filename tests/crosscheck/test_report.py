@@ -28,6 +28,7 @@ from crosscheck.report.first_table import first_table
 from crosscheck.report.summary import Summary, verdict
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
+from tests.places import ROOT
 
 from .report_records import (
     QUANTITIES,
@@ -48,8 +49,6 @@ from .report_records import (
     write,
 )
 from .test_report_sections import EFFECTS, HARD, PRICES
-
-ROOT = Path(__file__).parent.parent.parent
 
 
 def reported(folder: Path, *arguments: Any, **more: Any) -> Any:

@@ -5,7 +5,6 @@ and red if one lies.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,12 +24,12 @@ from crosscheck.scenes.workloads import LoopChain
 from refkin.joints import AngleDriver, Fixed, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
+from tests.places import EXAMPLES, ROOT
 from tests.refkin.test_sweep import three_cranks
 
 from .test_planted_faults import FOUR_BAR, INVERTED, LAW, ROD, SLIDER, TIMES
 
-SCENES_OF_JOINTS = Path(__file__).parents[2] / "docs/scenes"
-EXAMPLES = Path(__file__).parents[2] / "examples"
+SCENES_OF_JOINTS = ROOT / "docs/scenes"
 NAME = "Newton on free coordinates"
 AT_ONCE = {"mujoco": "mujoco.batch, all times at once", "pinocchio": "all times at once"}
 ROWS = {"mujoco": ConnectRows, "pinocchio": Anchors}

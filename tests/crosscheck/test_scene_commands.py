@@ -6,7 +6,6 @@ import json
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,8 +20,9 @@ from refkin.scenes.linkages import RSSP, RSSR, Bennett, Hooke, RSSRChain, ScrewJ
 from refkin.solving.follow import TurningPoint
 from tests.linkages import CHANGE_POINT, LIMITED, ROCKER, remade, with_law
 from tests.passive import loop, rod_of_two
+from tests.places import EXAMPLES
 
-SCENE = Path(__file__).parents[2] / "examples" / "slider-crank.toml"
+SCENE = EXAMPLES / "slider-crank.toml"
 
 
 def limited():

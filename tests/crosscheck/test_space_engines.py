@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from itertools import product as every
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,10 +32,10 @@ from refkin.model import Scene
 from refkin.motion import Status
 from refkin.scenes.linkages import RSSR, Branch
 from tests.linkages import remade, with_law
+from tests.places import CORPUS
 
 from . import space_scenes
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 ENGINES = ("closed_form", "pinocchio", "mujoco", "exudyn")
 
 

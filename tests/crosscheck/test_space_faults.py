@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from crosscheck.judge.uncompared import put_together_wrongly
 from crosscheck.measure.check import check
 from refkin.solving import starts
 from tests.mutation.change import mutated
+from tests.places import CORPUS
 
 from . import space_scenes
 
@@ -130,7 +130,7 @@ def test_a_fault_planted_in_one_adapter_shows_at_its_level(name: str) -> None:
 
 
 def test_a_reference_with_joints_the_wrong_way_round_is_blamed_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-dot-flipped.toml")
+    scene = refkin.load(CORPUS / "space-dot-flipped.toml")
     assert [item for item in check(scene, []).disagreements if item.engine == "refkin"] == []
     monkeypatch.setattr(starts, "_meant", lambda given: given)  # rows with false roots, begun at one of these
     blamed = [item.message for item in check(scene, []).disagreements if item.engine == "refkin"]

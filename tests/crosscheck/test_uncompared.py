@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,10 +20,9 @@ from refkin.model import Mechanism
 from refkin.motion import Status
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
+from tests.places import CORPUS, ROOT
 from tests.refkin.test_answers import files
 
-ROOT = Path(__file__).parents[2]
-CORPUS = ROOT / "tests" / "corpus"
 OPEN, NUMBERLESS = (("position", cause) for cause in (Cause.UNCLOSED, Cause.NO_NUMBER))
 LOST = {
     "limit-touched-1e-17": Status.BRANCH_LOST,

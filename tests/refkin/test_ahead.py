@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +19,7 @@ from refkin.solving.ahead import SAME, Ahead, Leaps
 from refkin.solving.steps import neville
 from refkin.solving.sweep import Arrival, Sweep
 from tests.linkages import PARALLELOGRAM, ROCKER, remade, system_of
+from tests.places import CORPUS
 
 LIMIT = math.acos((16.0 + 9.0 - 25.0) / 24.0)  # a crank of 3 on a ground of 4, coupler and rocker 5 in line
 TIMES = tuple(np.linspace(0.0, 1.0, 30))
@@ -191,7 +191,7 @@ def test_a_step_is_sure_at_once_where_a_step_alone_is_taken(monkeypatch, name, l
 
 def test_a_straight_correction_is_no_sign_that_the_next_one_is_rounding():
     """Two poses were left 1e-13 off: their bounds said so, 40 and 6 times what the condition lets a float64 pose be."""
-    motion = refkin.solve(refkin.load(Path(__file__).parents[1] / "corpus" / "closed-by-a-straight-correction.toml"))
+    motion = refkin.solve(refkin.load(CORPUS / "closed-by-a-straight-correction.toml"))
 
     assert np.max(motion.certified_radius.position / motion.condition) < 2.0 * np.finfo(float).eps
 

@@ -22,8 +22,8 @@ from refkin.model import Scene
 from refkin.output.drawing import Drawing, NothingToDraw, Part
 from refkin.scenes.files import load
 from tests.kept import read, write
+from tests.places import ROOT
 
-ROOT = Path(__file__).parents[2]
 FILE = Path(__file__).with_name("answers.json")
 SOLVERS = {"solve": refkin.solve, "fast": fast.sweep, "plain": analysis.sweep}
 AT = 4

@@ -6,7 +6,6 @@ import cmath
 import math
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,6 +27,7 @@ from refkin.system import compile_system
 from tests.claims import assert_near
 from tests.drawn import Drawn
 from tests.linkages import remade
+from tests.places import CORPUS
 
 from .assembly_cases import ROUND_OFF, bodies, cylinder, distance, four_bar, pin, solved
 
@@ -340,7 +340,7 @@ def test_what_closes_only_at_angles_without_digits_is_no_assembly():
 
 def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(monkeypatch):
     """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-points-planes-and-links.toml")
+    scene = refkin.load(CORPUS / "space-points-planes-and-links.toml")
     first, *others = scene.mechanism.bodies
     without = remade(scene, bodies=(replace(first, estimate=None), *others), times=scene.times[:1])
     motion = refkin.solve(without)

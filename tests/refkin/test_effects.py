@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.proof.pose import isolate as isolating
 from tests.linkages import ROCKER
 from tests.mutation.change import mutated
+from tests.places import ROOT
 
 STEADY = Polynomial(coefficients=(0.0, 2.0))
 SCENE = ROCKER.scene(law=STEADY, times=tuple(np.linspace(0.0, 0.4, 11)))
@@ -91,7 +91,7 @@ def test_a_law_is_evaluated_for_many_times_together_and_seldom_again(counted):
 def test_radii_are_given_of_what_is_called_for_alone():
     """An acceleration needs the velocity, and a cam is proved in any case: their bounds were handed out unasked."""
     given = refkin.solve(replace(SCENE, effects=frozenset({Effect.ACCELERATION}))).certified_radius
-    cam = replace(refkin.load(Path(__file__).parents[2] / "docs/scenes/cam.toml"), evidence=NONE)
+    cam = replace(refkin.load(ROOT / "docs/scenes/cam.toml"), evidence=NONE)
 
     assert [np.isfinite(radius).all() for radius in (given.position, given.velocity, given.acceleration)] == [1, 0, 1]
     assert np.isnan([*vars(refkin.solve(cam).certified_radius).values()]).all()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -47,11 +46,10 @@ from tests.linkages import (
     remade,
     with_law,
 )
+from tests.places import CORPUS
 
 from .assembled import beside_a_mast
 from .contact_cases import cam, guide
-
-CORPUS = Path(__file__).parents[1] / "corpus"
 
 PULLED = SliderCrank(crank=0.25, rod=0.5)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -25,8 +24,8 @@ from refkin.solving import ahead, passages
 from refkin.solving.sweep import Sweep
 from refkin.vec import cosine_and_sine
 from tests.linkages import ROCKER, remade, system_of, with_law, without_estimates
+from tests.places import CORPUS
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
 
 

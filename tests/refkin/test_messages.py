@@ -9,7 +9,6 @@ import ast
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,10 +30,9 @@ from refkin import (
 )
 from refkin.proof.assembly.search import Assemblies
 from tests.linkages import ROCKER, remade, with_law
+from tests.places import CORPUS, ROOT
 from tests.refkin.test_hostile_scenes import peaucellier
 
-ROOT = Path(__file__).parents[2]
-CORPUS = ROOT / "tests" / "corpus"
 SPEAKING = ("solving/sweep", "solving/solve", "solving/starts", "proof/pose/choices")
 LONG = 12
 """Characters from which a text is a sentence."""

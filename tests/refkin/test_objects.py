@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import fields, replace
 from decimal import Decimal
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +18,7 @@ from refkin.joints import Gear
 from refkin.model import _diameter
 from refkin.scenes.linkages import Hooke
 from refkin.solving.follow import driven_by
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
+from tests.places import EXAMPLES
 
 LAW = Polynomial(coefficients=(0.0, 1.0))
 

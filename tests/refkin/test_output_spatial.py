@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,8 +17,9 @@ from refkin.output.drawing import Part, seen
 from refkin.output.spatial import VIEW, block, features_of_joints
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
+from tests.places import ROOT
 
-SCENES = Path(__file__).parents[2] / "docs" / "scenes"
+SCENES = ROOT / "docs" / "scenes"
 SVG = "{http://www.w3.org/2000/svg}"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,8 +14,7 @@ import refkin
 from refkin import FourBar, InvertedSliderCrank, Polynomial, Sinusoid, SliderCrank, Status, analysis
 from refkin.system import compile_system
 from tests.linkages import LIMITED, ROCKER, remade, system_of, with_law
-
-ROOT = Path(__file__).parents[2]
+from tests.places import ROOT
 
 ALONE = """
 import sys

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,6 +31,7 @@ from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near
 from tests.linkages import remade, system_of, with_law
+from tests.places import CORPUS, ROOT
 
 ORIGIN = (0.0, 0.0)
 TIMES = (0.0, 0.4, 0.8)
@@ -260,7 +260,7 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
 
 def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok():
     """It was, with accelerations of 2e5 rad/s^2 where there are none."""
-    flat = load(Path(__file__).parents[1] / "corpus" / "redundant-one-ulp.toml")
+    flat = load(CORPUS / "redundant-one-ulp.toml")
     at = {"c0": (0.0, 0.0, 1e-7), "c1": (1.0, 0.0, 1e-7), "c2": (3.0, 0.0, 1e-7), "bar": (1.0, 1e-7, 0.0)}
     bodies = tuple(replace(body, estimate=at[body.name]) for body in flat.mechanism.bodies)
     motion = solve(remade(with_law(flat, Polynomial(coefficients=(1e-7, 1.0))), bodies=bodies))
@@ -272,7 +272,7 @@ def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok()
 @pytest.mark.parametrize("hinges", [2, 3, 4])
 def test_a_door_may_hang_on_any_number_of_hinges(hinges):
     """Of three there are more rows to spare than coordinates, and as many were asked to be changed for one another."""
-    scene = load(Path(__file__).parents[2] / "docs" / "scenes" / "spatial-distance-driver.toml")
+    scene = load(ROOT / "docs" / "scenes" / "spatial-distance-driver.toml")
     (hinge,) = scene.mechanism.joints
     joints = (hinge, *(replace(hinge, name=f"hinge {k}") for k in range(1, hinges)))
     alone, motion = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-from pathlib import Path
 
 import pytest
 
@@ -11,6 +10,7 @@ import refkin
 from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
+from tests.places import ROOT
 
 from .test_scene_files import DRIVEN, TEXT, refused_file
 
@@ -92,7 +92,7 @@ def test_a_fault_outside_of_bodies_and_joints_names_its_line_too(tmp_path):
     )
 
 
-SPATIAL = (Path(__file__).parents[2] / "docs" / "scenes" / "spatial-cylindrical.toml").read_text(encoding="utf-8")
+SPATIAL = (ROOT / "docs" / "scenes" / "spatial-cylindrical.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import tomllib
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -15,11 +14,12 @@ from refkin.scenes import keys
 from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load, parse, to_dict, to_toml
 from refkin.scenes.keys import schema
+from tests.places import EXAMPLES, ROOT
 
 DRIVEN = 'law = { kind = "polynomial", coefficients = [0.0, 2.0] }'
 GRID = "start = 0.0\nstop = 1.0\ncount = 3"
 POINT = '[[point]]\nname = "P"\nbody = "coupler"\nposition = [0.3, 0.2]\n'
-TEXT = (Path(__file__).parents[2] / "examples" / "crank-rocker.toml").read_text(encoding="utf-8") + POINT
+TEXT = (EXAMPLES / "crank-rocker.toml").read_text(encoding="utf-8") + POINT
 for old, new in (
     ("start = 0.0\nstop = 6.283185307179586\ncount = 73", GRID),
     ('effects = ["acceleration", "velocity"]', 'effects = ["velocity"]'),
@@ -378,7 +378,7 @@ def test_what_cannot_be_read_as_a_whole_is_looked_into(change, paths):
 
 def test_of_a_joint_that_cannot_be_read_only_what_stands_in_the_file_is_said():
     """That its name was '' was said, too, of a name that is not there."""
-    rocker = tomllib.loads((Path(__file__).parents[2] / "examples/crank-rocker.toml").read_text())
+    rocker = tomllib.loads((ROOT / "examples/crank-rocker.toml").read_text())
     error = refused({**rocker, "body": "x", "joint": [{}]})
 
     assert {fault.path for fault in error.faults} == {"body", "joint[0].type"}

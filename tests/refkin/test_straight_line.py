@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,10 @@ import pytest
 from refkin.scenes.files import load
 from refkin.solving.straight_line import StraightLineSystem
 from refkin.system import compile_system
+from tests.places import ROOT
 
 from .contact_cases import CASES, scene
 
-ROOT = Path(__file__).parents[2]
 SPACE = sorted(ROOT.glob("tests/corpus/space-*.toml"))[::3]
 MECHANISMS = {name: scene(name).mechanism for name in CASES} | {p.stem: load(p).mechanism for p in SPACE}
 SLIDER = MECHANISMS["plate over lobes"]

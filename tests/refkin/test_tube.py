@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +24,7 @@ from refkin.solving import starts as starting
 from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
 from tests.linkages import LIMITED, ROCKER, posed, remade, solved, system_of
+from tests.places import CORPUS
 
 
 def widest(system, q, t, qd):
@@ -252,7 +252,7 @@ def test_of_blocks_the_smallest_determinant_counts_with_or_without_a_batch(one):
 
 def test_a_plate_that_does_not_turn_is_proved_to_stay_on_its_branch():
     """Its Euler parameters stand still: tubes as thin as their rates held no others, and the branch was called lost."""
-    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-delta-robot.toml")
+    scene = refkin.load(CORPUS / "space-delta-robot.toml")
 
     assert refkin.solve(scene).verdict == "ok"
 

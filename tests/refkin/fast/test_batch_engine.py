@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +17,11 @@ from refkin import FourBar, Sinusoid
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, elements_of
 from refkin.scenes.files import load
 from tests.linkages import LIMITED, with_law
+from tests.places import ROOT
 
 from .scenes import ROCKER, SCENES, bare
 
-PROJECT = Path(__file__).parents[3] / "pyproject.toml"
+PROJECT = ROOT / "pyproject.toml"
 
 
 def test_it_is_registered():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from refkin import Body, Distance, DistanceDriver, Effect, Mechanism, Polynomial
 from refkin.errors import InvalidScene, RefkinError
 from refkin.fast import SparseSystem, attempt, program_of, solve_large, sweep
 from tests.linkages import system_of
+from tests.places import ROOT
 
 from .linkworks import chain
 from .scenes import SCENES, bare
@@ -180,7 +180,7 @@ def test_what_it_does_not_take_is_refused_by_what_it_is():
     with pytest.raises(RefkinError, match="11 rows for 9 coordinates"):
         solve_large(twice)
     with pytest.raises(RefkinError, match="bodies are spatial"):
-        solve_large(refkin.load(Path(__file__).parents[3] / "examples/rssr.toml"))
+        solve_large(refkin.load(ROOT / "examples/rssr.toml"))
     for one in (solve_large, sweep, attempt, program_of):
         with pytest.raises(TypeError, match="scene: expected a Scene, got a FourBar"):
             one(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0))

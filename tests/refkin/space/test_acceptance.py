@@ -6,15 +6,14 @@ import ast
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import refkin
 from refkin.scenes.linkages import RSSR
+from tests.places import ROOT
 
-ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "space.md").read_text(encoding="utf-8")
 ROWS = [[cell.strip() for cell in row.split("|")[1:-1]] for row in re.findall(r"^\| \d+ \|.*$", TEXT, re.MULTILINE)]
 EXAMPLE = ROOT / "examples" / "rssr.toml"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,10 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack, Stewart
+from tests.places import CORPUS
 from tests.refkin.space import random_starts
 from tests.refkin.space.truth import Truth, off
 
-CORPUS = Path(__file__).parents[2] / "corpus"
 U = 2.0**-53
 BY_TAPES = ("space-small-and-far.toml", "space-large-and-far.toml")
 SOLVED = (
