@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidRequest, InvalidScene, NotCalledFor, RefkinError, expect
-from refkin.joints import GROUND, SI, Constraint, Kind, Unit
+from refkin.joints import SI, Constraint, Kind, Unit
 from refkin.joints.annotations import Named, check, is_real, numbers
 from refkin.model import Effect, Mechanism
 from refkin.vec import ParameterValue
@@ -38,7 +38,7 @@ class ConstraintRows:
 
 @dataclass(frozen=True)
 class System:
-    """The equations of a mechanism, planar or spatial (`kind`): n coordinates, m >= n rows; see `compile_system`."""
+    """The equations of a mechanism: m >= n rows, n coordinates, each body's from `starts` on; see `compile_system`."""
 
     mechanism: Mechanism
     effects: frozenset[Effect]
@@ -47,6 +47,7 @@ class System:
     n: int
     m: int
     kind: Kind
+    starts: Mapping[str, int] = field(repr=False, compare=False)
     gauge: Mapping[int, Any] = field(default_factory=dict, repr=False, compare=False)
     _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -57,8 +58,7 @@ class System:
 
     def columns(self, body: str) -> slice:
         """Return where the coordinates of a body sit in q."""
-        start = Named((b.name, self.kind.width * k) for k, b in enumerate(self.mechanism.bodies))[body]
-        return slice(start, start + self.kind.width)
+        return slice(start := self.starts[body], start + self.kind.width)
 
     def parameter(self, joint: str) -> slice:
         """Return where the parameter of a joint sits in q; an empty slice if it has none."""
@@ -194,17 +194,17 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     numbers("unit.origin", unit.origin, "two or three numbers", (2,), (3,))
     kind, bodies = mechanism.kind, mechanism.bodies
     effects |= {Effect.VELOCITY} if Effect.ACCELERATION in effects else set()
-    starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
+    starts = Named((body.name, kind.width * k) for k, body in enumerate(bodies))
     placed, owners = list[ConstraintRows](), dict[str, range]()
     row, n = 0, kind.width * len(bodies)
     for c in mechanism.constraints:
         owners[c.name] = range(n, n := n + c.parameters)
     for c in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
         owning = (c.name, *c.shares) if c.parameters else c.shares  # rows of a body may have a joint's name
-        where = (*(starts[b] for b in c.bodies), *(k for name in owning for k in owners.get(name, ())))
+        where = (*(starts.get(b) for b in c.bodies), *(k for name in owning for k in owners.get(name, ())))
         placed.append(ConstraintRows(c, _geometry(c, unit), row, where))
         row += c.rows
-    return System(mechanism, effects, unit, tuple(placed), n, row, kind)
+    return System(mechanism, effects, unit, tuple(placed), n, row, kind, starts)
 
 
 def _geometry(constraint: Constraint, unit: Unit) -> tuple[float, ...]:

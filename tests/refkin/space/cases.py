@@ -88,11 +88,11 @@ def alone(constraint: Constraint, unit: Unit | None = None) -> System:
     mechanism = object.__new__(Mechanism)  # one joint is no mechanism
     for key, value in {"bodies": (Body(name="a"), Body(name="b")), "joints": (held, constraint), "drivers": ()}.items():
         object.__setattr__(mechanism, key, value)
-    starts: dict[str, int | None] = {"ground": None, "a": 0, "b": 7}
+    starts = {"a": 0, "b": 7}
     own = range(14, 14 + constraint.parameters + len(constraint.shares))
-    where = (*(starts[body] for body in constraint.bodies), *own)
+    where = (*(starts.get(body) for body in constraint.bodies), *own)
     placed = ConstraintRows(constraint, constraint.constants(unit), 0, where)
-    return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows, mechanism.kind)
+    return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows, mechanism.kind, starts)
 
 
 def anywhere(system: System, seed: int, length: float | None = None) -> tuple[Any, Any]:
