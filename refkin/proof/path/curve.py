@@ -93,13 +93,15 @@ class Curve:
     def bend(self, x: Any, psi: Any, rows: Any) -> Any:
         """Return the second derivatives of psi . phi, (n + 1, n + 1), psi being weights of n rows.
 
-        By complex steps along all coordinates in one batch: each by itself takes as long as all of them.
+        By complex steps along all coordinates in one batch: each by itself takes as long as all of them. Other rows
+        have no weight instead of being left out: a Jacobian for each coordinate is large, and is not copied.
         """
-        step = 1j * step_of(Scheme.COMPLEX_STEP, x)
+        step, weights = 1j * step_of(Scheme.COMPLEX_STEP, x), np.zeros(self.system.m)
+        weights[rows] = psi
         moved = (x[:, None] + np.diag(step)) * self.scale[:, None]
         q, t = moved[:-1], moved[-1]
-        there = np.concatenate([self.system.phi_q(q, t), -self.system.nu(q, t)[:, None]], axis=1)[rows]
-        bent = np.imag(np.tensordot(psi, there, 1)) * self.scale[:, None] / step.imag
+        there = np.vstack([np.tensordot(weights, self.system.phi_q(q, t), 1), -weights @ self.system.nu(q, t)])
+        bent = np.imag(there) * self.scale[:, None] / step.imag
         return (bent + bent.T) / 2
 
     def tangent(self, x: Any, along: Any = None) -> Any:
