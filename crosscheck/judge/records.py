@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -348,6 +349,9 @@ def read_line(line: bytes | str) -> Record:
         if answer.missing + answer.compared > answer.times:
             counted = f"{answer.missing} without an answer and {answer.compared} compared"
             raise Unreadable(f"answers.{k}: {counted}; expected at most {answer.times} in all")
+    told = Counter((answer.engine, answer.method.name) for answer in record.answers)
+    if twice := [f"{engine} ({method})" for (engine, method), count in told.items() if count > 1]:
+        raise Unreadable(f"answers: {', '.join(twice)} more than once; expected each method once")
     return record
 
 

@@ -244,6 +244,7 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     if not part.refusals and (best is None or len(set(names)) < len(names)):
         message = f"expected one method or more to compare, each with a name of its own, got {kept(str(names))}"
         part.blame(ANY, wrong("status", Cause.NOT_DELIVERED, message))
+    compared = [method for k, method in enumerate(compared) if method.called not in names[:k]]  # or both count as one
     again = subject.arbiter or subject.drawn(TURNED_ROUND)
     with undisturbed():
         told = [_told(method, subject, again=again and method is best) for method in compared]

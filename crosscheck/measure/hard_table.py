@@ -171,7 +171,7 @@ def _rows(
     for answer in by_engine.values():
         if isinstance(answer, Failure | EngineError):
             raise answer if isinstance(answer, EngineError) else EngineError(answer.text)
-    asked = [(spec, key) for spec, keys in by_engine.items() for key in keys]
+    asked = [(spec, key) for spec, keys in by_engine.items() for key in dict.fromkeys(keys)]
     jobs = [(spec, name, setting, case.key) for case in cases for spec, (_, name, setting) in asked]
     with closing(call_in_turn(outcome_of, jobs, seconds, PROCESSES)) as answers:
         for done, case in enumerate(cases):

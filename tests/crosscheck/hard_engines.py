@@ -186,6 +186,13 @@ class FaultyFirst(Own):
         return list(super().methods())[::-1]
 
 
+class OneNameTwice(Own):
+    """Has two methods of one name."""
+
+    def methods(self):
+        return [one for one in super().methods() if one.name == "right"] * 2
+
+
 def imaginary(model):
     """A model whose numbers have real parts that are right."""
     return replace(model, read=lambda motion: [level + 1j for level in model.read(motion)])

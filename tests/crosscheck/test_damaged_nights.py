@@ -134,6 +134,15 @@ def test_an_answer_whose_numbers_cannot_be_is_no_record(tmp_path: Path, key: str
     assert report["failures"][0].startswith("records.jsonl, line 1 is no record: answers.0")
 
 
+def test_a_record_that_holds_one_answer_twice_is_told(tmp_path: Path) -> None:
+    """It was counted twice: of one scene 8 times of 4 were right."""
+    report, _ = of_run(tmp_path, record("a", *[good_answer("mujoco")] * 2))
+
+    assert report["verdict"] == "infrastructure"
+    (failure,) = report["failures"]
+    assert failure.endswith("answers: mujoco (newton) more than once; expected each method once")
+
+
 @pytest.mark.parametrize(
     ("key", "value"), [("ratio", -5.0), ("digits_by_sigma", {"-1": {"171": 4}})], ids=lambda value: str(value)
 )

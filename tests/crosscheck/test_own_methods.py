@@ -13,7 +13,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.loading import load
 from crosscheck.engines.methods import Model, Use, methods
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.records import Cause, read_records
+from crosscheck.judge.records import Cause, line_of, read_line, read_records
 from crosscheck.measure import bench
 from crosscheck.measure.check import check, key_of
 from crosscheck.measure.conform import ask, hard_replies
@@ -34,7 +34,7 @@ from refkin.model import Effect, Mechanism
 from refkin.scenes.files import to_dict
 from tests.places import EXAMPLES
 
-from .hard_engines import Complex, FaultyFirst, Own
+from .hard_engines import Complex, FaultyFirst, OneNameTwice, Own
 
 FILE = Path(__file__).with_name("hard_engines.py")
 OWN, FIRST, COMPLEX = (f"{FILE}:{name}" for name in ("Own", "FaultyFirst", "Complex"))
@@ -181,12 +181,20 @@ def test_a_method_of_another_form_is_named_by_what_it_is(change, said):
 
 
 def test_two_methods_of_one_name_are_named():
-    engine = Own()
-    twice = [one for one in engine.methods() if one.name == RIGHT] * 2
-    engine.methods = lambda: twice
+    engine = OneNameTwice()
     (fault,) = ask(engine, next(iter(questions()))).faults
 
     assert (fault.level, "got ['right', 'right']" in fault.what) == ("form", True)
+    record = check(SCENE, [engine])
+    assert [answer.method.name for answer in record.answers] == [RIGHT]
+    assert read_line(line_of(record)) == record
+
+
+def test_of_two_methods_of_one_name_the_first_is_asked_hard_cases():
+    """Of both a report would say that one was asked everything twice."""
+    rows = hard_case_rows([f"{FILE}:OneNameTwice"], cases=hard_cases()[:1])
+
+    assert [(row["engine"], row["method"]) for row in rows] == [("own", RIGHT)]
 
 
 def test_complex_numbers_are_an_answer_of_another_form_in_every_table():
