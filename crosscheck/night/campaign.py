@@ -334,7 +334,8 @@ def _made(out: Path) -> dict[str, Any] | None:
         made_by = _made_by(made.get("refkin"), made.get("source"), made.get("scene_seconds"), engines)
         return {"seed": int(made["seed"]), "made_by": made_by, "date": made.get("date")}
     except (OSError, ValueError, KeyError, TypeError, ArithmeticError, RecursionError) as error:
-        raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
+        instead = "choose another folder" if read_outcome(out)[0] is None else _instead(out)  # of what `make_room` can
+        raise OtherRun(f"{path} does not say what run it belongs to: {instead}") from error
 
 
 def _made_by(refkin: Any, source: Any, seconds: Any, engines: Mapping[str, str]) -> dict[str, Any]:

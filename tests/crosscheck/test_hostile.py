@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from crosscheck.errors import UsageError
 from crosscheck.judge.records import Cause, EnclosedTimes
 from crosscheck.measure.check import key_of
 from crosscheck.night import hunting
-from crosscheck.night.campaign import OtherRun, make_room
+from crosscheck.night.campaign import OtherRun, make_room, seed_of
 from crosscheck.night.disagreements import LONGEST_NAME, slug
 from crosscheck.night.golden import differences
 from crosscheck.night.hunting import CERTIFICATE, MOST_STARTS, Bag, Catch, hunt, worst_of_night
@@ -51,6 +52,22 @@ def test_the_night_of_another_version_makes_room_too(tmp_path):
     make_room(tmp_path)
 
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_beside_a_report_a_run_file_cut_short_asks_for_a_fresh_night_where_that_is_possible(tmp_path, ended):
+    """It said only to choose another folder, though --fresh took this one."""
+    report_of(write(tmp_path, record("a", good_answer("mujoco"))), outcome())
+    (tmp_path / "run.json").write_text('{"seed": 31, "ver')
+    if not ended:
+        (tmp_path / "outcome.json").unlink()
+    with pytest.raises(OtherRun) as told:
+        seed_of(tmp_path, None)
+
+    assert str(told.value).endswith("choose another folder, or begin anew with --fresh" if ended else "another folder")
+    with nullcontext() if ended else pytest.raises(OtherRun, match="choose another folder$"):
+        make_room(tmp_path)
+    assert any(tmp_path.iterdir()) is not ended
 
 
 @pytest.mark.parametrize("text", ['{"sales": 3}', '{"verdict": "guilty"}', "[]", "no report at all", "3"])
