@@ -65,7 +65,7 @@ def test_beside_a_report_a_run_file_cut_short_asks_for_a_fresh_night_where_that_
         seed_of(tmp_path, None)
 
     assert str(told.value).endswith("choose another folder, or begin anew with --fresh" if ended else "another folder")
-    with nullcontext() if ended else pytest.raises(OtherRun, match="choose another folder$"):
+    with nullcontext() if ended else pytest.raises(OtherRun, match=r"choose another folder$"):
         make_room(tmp_path)
     assert any(tmp_path.iterdir()) is not ended
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, replace
+from functools import partial
 from types import SimpleNamespace
 
 import mpmath
@@ -14,7 +15,7 @@ from flint import arb, ctx
 import refkin
 from refkin import fast
 from refkin.fast.answer import _still
-from refkin.joints import SPACE, SpatialDistanceDriver, SpatialPrismatic, SpatialRevolute, Spherical
+from refkin.joints import SPACE, Screw, SpatialDistanceDriver, SpatialPrismatic, SpatialRevolute, Spherical
 from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver
 from refkin.joints.spatial_frames import frame, root
 from refkin.joints.spatial_vectors import Vec3
@@ -497,6 +498,34 @@ def test_drivers_of_one_joint_that_contradict_each_other_are_told(kinds, off, mi
 
     assert motion.verdict is (Status.UNASSEMBLABLE if missing else Status.OK)
     assert motion.message.startswith(missing)
+
+
+@pytest.mark.parametrize(("kinds", "first", "second"), [(TURNS, 2.5, 2.5 + 6 * math.tau), (SHIFTS, 0.3, 0.1 + 0.2)])
+def test_drivers_of_one_joint_that_agree_but_for_rounding_are_no_contradiction_without_an_estimate(
+    kinds, first, second
+):
+    """With one Newton's method decides, and nothing is asked for a proof."""
+    mechanism = _held_twice(*kinds, *(Polynomial(coefficients=(value, 1.0)) for value in (first, second)))
+    mechanism = replace(mechanism, bodies=(replace(mechanism.bodies[0], estimate=None),))
+
+    assert refkin.solve(Scene(mechanism=mechanism, times=(0.0,))).verdict is Status.OK
+
+
+def test_drivers_of_a_screw_count_turns_and_those_of_two_joints_have_laws_of_their_own():
+    first, second = (Polynomial(coefficients=(value,)) for value in (0.25, 0.25 + math.tau))
+    screwed = _held_twice(partial(Screw, pitch=0.5), SpatialAngleDriver, first, second)
+    sliding = replace(screwed, drivers=(screwed.drivers[0], DisplacementDriver(name="shift", joint="J", law=second)))
+    one = _held_twice(*TURNS, first, first)
+    other = replace(one.joints[0], name="K", body_i="bolt", body_j="nut")
+    nut, turned = (
+        replace(one.bodies[0], name="nut", estimate=None),
+        replace(one.drivers[1], joint="K", law=Polynomial(coefficients=(1.5,))),
+    )
+    two = Mechanism((*one.bodies, nut), (*one.joints, other), (one.drivers[0], turned))
+    twice, both, of_two = (refkin.solve(Scene(mechanism=m, times=(0.0,))) for m in (screwed, sliding, two))
+
+    assert twice.message.startswith("other asks for an angle of J that is 6.28319 rad off that of one")
+    assert (both.verdict, of_two.verdict) == (Status.NOT_CONVERGED, Status.OK)
 
 
 @pytest.mark.parametrize("seed", range(4))
