@@ -56,7 +56,7 @@ def stacked(bases, later=0.0):
 
 
 def test_second_derivatives_take_one_jacobian_of_each_coordinate_and_no_copies_of_them():
-    """Of 50 hinges in space that is 0.7 GB: copied twice, half of the time went there, where no two curves cross."""
+    """Of 50 hinges in space that is 0.7 GB: copied twice, a third of the time went there, where no two curves cross."""
     scene = stacked((2.0,) * 12)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     q = np.concatenate([body.estimate for body in scene.mechanism.bodies])
