@@ -260,7 +260,7 @@ class Times:
         if constraint.name not in self._values:
             with ctx.workprec(LAW_BITS):
                 laws = constraint.inputs(np.frompyfunc(arb, 1, 1)(self.t), unit, self.order)
-                each = [[np.array([parts(x) for x in rows]).T for rows in law] for law in laws]
+                each = [[np.array([parts(x) for x in rows]).reshape(-1, 3).T for rows in law] for law in laws]
             self._values[constraint.name] = [np.array(law) for law in each]
         return self._values[constraint.name]
 
