@@ -407,6 +407,7 @@ def _way(
         stop = next(stop for stop in stops if stop > now)
         target = stop if now + (1.0 + LEFT_OVER) * step >= stop else now + step  # a cubic asks for poses that are apart
         pose, joined = yield _ahead(before, last, math.inf if failed else end, target, curved), target, last
+        joined = joined and not _spun(equations.laws, last, pose)
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
@@ -417,6 +418,17 @@ def _way(
             if step < smallest or (joined and step < ended):
                 return _fold(equations, last, t) if halvings == HALVINGS else nowhere(first, t)
     return nowhere(first, t)
+
+
+def _spun(laws: Sequence[Any], a: Poses, b: Poses) -> bool:
+    """Return whether a step goes round more than laws turn anything, and than the velocities at its ends say.
+
+    Beside a singular pose tangents spin: what follows is right but for thousands of turns, and is rounded as these are.
+    """
+    (now,), (then,) = a.t, b.t
+    driven = max((abs(float(law(then)) - float(law(now))) for law in laws), default=0.0)
+    off = b.q - a.q - 0.5 * (then - now) * (a.qd + b.qd)
+    return bool(largest(off)[0] > math.tau + driven)
 
 
 def _end(a: Poses, b: Poses) -> float:

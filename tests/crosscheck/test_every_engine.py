@@ -156,6 +156,18 @@ def test_turns_that_drivers_and_gears_count_choose_no_other_assembly(engine, nam
     assert check(scene, [engine]).disagreements == []
 
 
+@pytest.mark.parametrize("name", ENGINES[:4])
+def test_a_tangent_beside_a_limit_spins_nothing(name):
+    """A crank held by x = 1 - 1e-10 - t is at arccos x; exudyn's march took it round 6e7 times, and lost its digits."""
+    times = (0.0, 0.01, 0.3, 0.5)
+    pin = Revolute(name="A0", body_i=GROUND, point_i=(0.0, 0.0), body_j="crank", point_j=(0.0, 0.0))
+    motor = XDriver(name="motor", body="crank", point=(1.0, 0.0), law=Polynomial(coefficients=(1.0 - 1e-10, -1.0)))
+    crank = Body(name="crank", estimate=(0.0, 0.0, 1.4e-5))
+    motion = load(name).solve(Scene(mechanism=Mechanism((crank,), (pin,), (motor,)), times=times))
+
+    assert motion["crank"].phi[1:] == pytest.approx(np.arccos(1.0 - 1e-10 - np.array(times[1:])), abs=1e-14)
+
+
 @pytest.mark.parametrize("turns", [1, -3])
 def test_turns_of_the_estimate_of_one_body_are_kept(engine, turns):
     case = four_bar()

@@ -419,7 +419,9 @@ def test_a_table_of_uneven_steps_is_allowed_what_its_spline_is_off(rate):
 def test_a_table_of_uneven_steps_whose_scene_has_no_assembly_is_judged_as_any_other():
     """No time was held against its exact spline, and the check ended in an error of Python."""
     table = Table(argument=(0.0, 1.0, 1.01, 8.0), value=(0.0, 0.1, 0.11, 0.3))
-    mechanism = replace(LINKAGE, coupler=1.5, rocker=2.0).scene(law=Polynomial(coefficients=(0.3,)), times=(0.0,)).mechanism
+    mechanism = (
+        replace(LINKAGE, coupler=1.5, rocker=2.0).scene(law=Polynomial(coefficients=(0.3,)), times=(0.0,)).mechanism
+    )
     driver = AngleDriver(name="motor", body="crank", law=replace(table, value=tuple(3.0 + v for v in table.value)))
     apart = refkin.Scene(mechanism=replace(mechanism, drivers=(driver,)), times=(0.0, 2.0))
 
