@@ -129,8 +129,8 @@ class Term:
     `level` is position (added to e_phi), velocity (e_nu) or acceleration (e_gamma); or, for an engine's own rows, one
     of `Level` (unscaled). `relative` multiplies the size of what stands in the equations there (for own rows: the
     largest coordinate, rate, or omega times rate of any body), `absolute` is added as it is. `of_rates` multiplies the
-    largest rate of any coordinate (velocity), or the largest acceleration and square of a rate (acceleration), of what
-    joints connect; they need not stand in the equations of the reference at all.
+    largest rate of an angle or of a point of a joint (velocity), or the largest acceleration and square of a rate
+    (acceleration), of what joints connect; they need not stand in the equations of the reference at all.
 
     `form` is that of the joints of space in whose rows `absolute` is left at the position. Rows of another form are
     those turned as the joint turns: what a pose leaves of the ones moves, so rates that satisfy them do not satisfy the

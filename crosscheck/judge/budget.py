@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.parts import by_part, parts_of
+from crosscheck.judge.parts import at_joints, by_part, parts_of
 from crosscheck.judge.rounding import (
     elimination,
     largest,
@@ -112,9 +112,9 @@ class Propagation:
 
     `levels` are its coordinates and rates (n, T), `e` the errors of the residuals of the three levels (m, T) before an
     engine adds its own, `solving` what solving for rates adds to the levels, `size` what stands in their equations,
-    `rates` the largest rate, acceleration and square of a rate in the same part (n, T), `rounding` what handing a
-    result over costs, and `radius` (T,) how far the reference itself may be off; NaN where it has no certificate. Where
-    a level `rests`, (3, T) of bool, nothing is left of the right side of its equations but rounding.
+    `rounding` what handing a result over costs, and `radius` (T,) how far the reference itself may be off; NaN where it
+    has no certificate. Where a level `rests`, (3, T) of bool, nothing is left of the right side of its equations but
+    rounding.
     """
 
     system: System
@@ -126,7 +126,6 @@ class Propagation:
     e: tuple[Any, Any, Any]
     solving: list[Any]
     size: tuple[Any, Any, Any]
-    rates: tuple[Any, Any, Any]
     rounding: tuple[Any, Any, Any]
     radius: tuple[Any, Any, Any]
     rests: Any
@@ -140,6 +139,13 @@ class Propagation:
         own = [moved + solving for moved, solving in zip(self.carried(*self.e), self.solving, strict=True)]
         each = zip(own, self.radius, self.rounding, strict=True)
         return np.array([theirs + np.fmin(radius, theirs) + rounding for theirs, radius, rounding in each])
+
+    @cached_property
+    def rates(self) -> tuple[Any, Any, Any]:
+        """The largest rate at joints, acceleration and square of a rate in the same part, by level, (n, T) each."""
+        own = parts_of(self.system).coordinates
+        rate, bend = (by_part(largest, x, own, own) for x in at_joints(self.system, *self.levels))
+        return np.zeros_like(rate), rate, bend + rate**2
 
     @cached_property
     def of_one(self) -> list[Any]:
@@ -180,7 +186,8 @@ class Propagation:
             if term.form:
                 added = self._left_in(term.form, term.absolute)[first:]
             else:
-                added = (term.absolute + term.of_rates * self.rates[first]) * self.of_one[first]
+                of_rates = term.of_rates * self.rates[first] if term.of_rates else 0.0
+                added = (term.absolute + of_rates) * self.of_one[first]
                 if term.relative:
                     added += term.relative * self.of_size[first]
             added[1:] *= self.weights
@@ -254,7 +261,6 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     e_phi = residual_error(system, q, t)
     velocity, acceleration = rate_rows(system, q, qd, qdd, t)  # the rounding of the results is `output_rounding`
     own = parts_of(system)
-    rate, bend = (by_part(largest, x, own.coordinates, own.coordinates) for x in (qd, qdd))
     e = _contradicted(
         system,
         (e_phi + table_error(system, Times(t, 0), 0), velocity.error, acceleration.error),
@@ -272,7 +278,6 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         e=e,
         solving=carry.of_norm(*(elimination(x.size, own.rows, own.coordinates) for x in (velocity, acceleration))),
         size=(e_phi, velocity.size, acceleration.size),
-        rates=(np.zeros_like(rate), rate, bend + rate**2),
         rounding=output_rounding(system, q, qd, qdd, t),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in QUANTITIES),
         rests=np.array([np.zeros_like(still), still, still & steady]),

@@ -37,7 +37,9 @@ from refkin.solving.solve import solve
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual (`_so_small`), or of what stands in its equation;
 four times the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape
-with short links makes, a million, or what the shortest link makes of a thousand (`_is_rounding`)."""
+with short links makes, a million, or what its links make of a thousand (`_is_rounding`)."""
+CHAINED = 8
+"""Bodies of a chain to which a thousand roundings are put down."""
 
 
 @dataclass(frozen=True)
@@ -229,12 +231,15 @@ def _is_rounding(of_rates: float, scene: Scene) -> bool:
     """Return whether rounding explains an error of so much of the rates.
 
     A massless link of length L turns with w = (v_i + v_j) / L, each v up to twice the size, and w^2 is in its rates.
+    Each link adds its own. A thousand roundings are of a chain of `CHAINED` bodies; one of n has as many frames, each
+    rounded with an arm for as many bodies below it: n^2.
     """
     if of_rates <= OF_RATES:
         return True
     size, given = scene.mechanism.size(), elements_of(scene.mechanism.constraints)
-    shortest = min((e.length for e in given if isinstance(e, PointDistance) and not e.laws), default=size)
-    return of_rates <= RELATIVE * (4.0 * size / shortest) ** 2
+    lengths = [e.length for e in given if isinstance(e, PointDistance) and not e.laws] or [size]
+    roundings = RELATIVE * max(1.0, len(scene.mechanism.bodies) / CHAINED) ** 2
+    return of_rates <= roundings * sum((4.0 * size / length) ** 2 for length in lengths)
 
 
 FIRST, LATER = 4, 8

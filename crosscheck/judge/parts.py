@@ -25,6 +25,7 @@ from refkin.joints import (
     SpatialPointDistance,
     elements_of,
 )
+from refkin.motion import point_motion
 from refkin.system import ConstraintRows, System
 
 
@@ -97,3 +98,28 @@ def by_part(f: Callable[[Any], Any], values: Any, of: Any, to: Any) -> Any:
     """
     made = np.array([f(values[of == k]) for k in range(int(np.max(of)) + 1)])
     return made[to]
+
+
+def at_joints(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any]:
+    """Return rates and their rates (n, T), those of frames replaced by the largest of the points of joints on the body.
+
+    A frame far from its joints is fast where nothing that joints connect is.
+
+    Parameters
+    ----------
+    system : System
+    q, qd, qdd : (n, T) array
+        In the system's coordinates.
+    """
+    rate, bend, places = qd.copy(), qdd.copy(), system.kind.dimension
+    points: dict[str, Any] = {body.name: [] for body in system.mechanism.bodies}
+    for body, point in (end for c in system.mechanism.constraints for end in c.points() if end[0] in points):
+        points[body].append(tuple(x / system.unit.size for x in point))
+    for body, own in points.items():
+        at = system.columns(body)
+        moved = [point_motion(u, q[at], qd[at], qdd[at]) for u in dict.fromkeys(own)]
+        of_levels: Any = (rate, [p.v for p in moved]), (bend, [p.a for p in moved])
+        for level, of_points in of_levels:
+            if of_points:
+                level[at][:places] = np.max(np.abs(of_points), axis=0)
+    return rate, bend

@@ -25,7 +25,7 @@ from crosscheck.engines import Term
 from crosscheck.judge.budget import slopes, times_with
 from crosscheck.judge.comparison import Comparison, Reference, difference, rows_of, scaled, uncompared, whole_poses
 from crosscheck.judge.hard_poses import TOO_WIDE, allowed_at
-from crosscheck.judge.parts import by_part, parts_of
+from crosscheck.judge.parts import at_joints, by_part, parts_of
 from crosscheck.judge.poses import all_levels, rows_among
 from crosscheck.judge.records import QUANTITIES, At, Cause, wrong
 from crosscheck.judge.rounding import (
@@ -178,13 +178,15 @@ class Uncompared:
         qd, qdd = (system.to_unit(level, k) for k, level in enumerate(levels[1:], 1))
         rounding, slope = output_rounding(system, q, qd, qdd, t), system.phi_q(q, t)
         rate, bend = (by_part(largest, x, place.coordinates, place.rows) for x in (qd, qdd))
+        joint, bent = (by_part(largest, x, place.coordinates, place.rows) for x in at_joints(system, q, qd, qdd))
+        at_joint = joint, bent + joint**2
         left = by_part(largest, np.where(rows[:, None], system.phi(q, t), 0.0), place.rows, place.rows)
         turned = TURNING * rate * left, TURNING * (1.0 + 2.0 * TURNING) * (bend + rate**2) * left
         for order, own in enumerate(rate_rows(system, q, qd, qdd, t, rounding), 1):
             allowed = own.error + np.einsum("mnt,nt->mt", np.abs(slope), rounding[order])
             allowed += by_part(solve_error, own.size, place.rows, place.rows) + turned[order - 1]
             for term in (term for term in self.terms if term.level == QUANTITIES[order]):
-                allowed += term.absolute + term.relative * own.size + term.of_rates * (rate, bend + rate**2)[order - 1]
+                allowed += term.absolute + term.relative * own.size + term.of_rates * at_joint[order - 1]
             beyond = np.abs(own.left) > allowed + _contradiction(slope, own.right, rows)
             opened.append(beyond[rows].any(axis=0))
         return opened

@@ -589,7 +589,7 @@ def test_rates_that_are_wrong_elsewhere_are_not_those_of_another_assembly():
     assert found(Wrapped(spoil)) == {("position", "other assembly"), ("velocity", "beyond the allowed error")}
 
 
-def test_a_term_of_rates_is_granted_as_far_as_the_shortest_link_may_turn():
+def test_a_term_of_rates_is_granted_as_far_as_links_may_turn():
     short = files.load(CORPUS / "slider-on-a-short-rod.toml")
     assert [d for d in check(short, ["pinocchio"]).disagreements if d.engine == "pinocchio"] == []
 

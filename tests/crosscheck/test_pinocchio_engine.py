@@ -20,7 +20,7 @@ from crosscheck.engines.tree.tree_system import link_terms
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import draw
-from refkin.joints import Prismatic, XDriver, YDriver
+from refkin.joints import AngleDriver, Distance, Prismatic, Revolute, XDriver, YDriver
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
@@ -137,21 +137,52 @@ def test_an_error_of_1e_9_of_a_rate_is_found_all_the_same():
 
 
 def test_the_terms_are_what_a_link_may_turn_at_as_often_as_it_is_rounded():
-    """w = (v_i + v_j) / L with v = sqrt(2) + |u|; w' = (a_i + a_j) / L + w^2 with a = sqrt(2) + 2 |u|; all in sizes."""
+    """w = (v_i + v_j) / L with v = sqrt(2) of a point on a body; w' = (a_i + a_j) / L + w^2; all in sizes."""
     mechanism = refkin.load(NEAR_LIMIT).mechanism
     (link,) = (joint for joint in mechanism.joints if joint.type == "distance")
-    size, bodies = mechanism.size(), len(mechanism.bodies)
-    length = link.length / size
-    ends = ((link.body_i, link.point_i), (link.body_j, link.point_j))
-    arms = [math.hypot(*point) / size for body, point in ends if body != "ground"]
-    turning = sum(math.sqrt(2.0) + arm for arm in arms) / length
-    bending = sum(math.sqrt(2.0) + 2.0 * arm for arm in arms) / length + turning**2
+    length, bodies = link.length / mechanism.size(), len(mechanism.bodies)
+    moving = [body for body in (link.body_i, link.body_j) if body != "ground"]
+    turning = len(moving) * math.sqrt(2.0) / length
     roundings = 6.0 * (bodies + 1) * (length + 1.5 * bodies) * 2.0**-53
 
-    assert max(arms) > 0.0
+    assert moving
     assert {term.level: term.of_rates for term in link_terms(mechanism)} == pytest.approx(
-        {"velocity": roundings * turning, "acceleration": roundings * bending}, rel=1e-9, abs=0.0
+        {"velocity": roundings * turning, "acceleration": roundings * (turning + turning**2)}, rel=1e-9, abs=0.0
     )
+
+
+def linked(count, away=0.0):
+    """Return so many four-bars on end, each with a massless link for a coupler, and frames some way behind."""
+    bodies, joints = [], []
+    for k in range(count + 1):
+        frame = -away * math.cos(1.2), -away * math.sin(1.2)
+        bodies.append(Body(name=f"r{k}", estimate=(0.1 * k + frame[0], frame[1], 1.2)))
+        ends = {"point_i": (0.1 * k, 0.0), "body_j": f"r{k}", "point_j": (away, 0.0)}
+        joints.append(Revolute(name=f"R{k}", body_i="ground", **ends))
+    for k in range(count):
+        ends = {"body_i": f"r{k}", "body_j": f"r{k + 1}", "point_i": (0.5 + away, 0.0), "point_j": (0.49 + away, 0.0)}
+        joints.append(Distance(name=f"L{k}", length=0.1, **ends))
+    motor = AngleDriver(name="motor", body="r0", law=Polynomial(coefficients=(1.2, 0.5)))
+    return Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=(0.0, 0.02, 0.04))
+
+
+@pytest.mark.parametrize(("count", "away"), [(5, 0.0), (10, 0.0), (20, 0.0), (2, 300.0)])
+def test_what_links_cost_is_granted_in_a_long_chain_and_where_frames_are_far_from_joints(count, away):
+    """Five were an undocumented error term, and so were frames 300 m off: their own rates are those of no joint."""
+    record = check(linked(count, away), ["pinocchio"])
+
+    assert record.reference.verdict == "ok"
+    assert not record.disagreements
+
+
+def test_frames_far_from_joints_allow_accelerations_no_more_than_their_own_rounding():
+    """Links took the rates of frames for those of joints: with frames 300 m off 10 rad/s^2 were allowed."""
+    allowed = [
+        np.max(reference(scene).budget(link_terms(scene.mechanism)).levels[2, 2::3])
+        for scene in (linked(2), linked(2, 300.0))
+    ]
+
+    assert allowed[1] < 1e4 * allowed[0]
 
 
 def test_a_mechanism_without_distance_joints_has_no_such_terms():

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import hypot, sqrt
+from math import sqrt
 from typing import Any, Protocol
 
 import numpy as np
@@ -220,23 +220,20 @@ CHAIN = (
 def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
     """Return what massless links in the place of distance joints cost: rates that no other formulation knows.
 
-    A link of length L between points at |u_i| and |u_j| on their bodies turns at up to w = (v_i + v_j) / L, with
-    v <= (sqrt(2) + |u|) max|qd|, however small its row d . v of the reference is. It stands in two columns, its own
-    and that of the body that hangs on it, with an arm of L and 3/2 for every body below it. Each product costs two
-    roundings for every frame of the chain, and the solve of n equations n more; all lengths in sizes. Likewise its
-    angular acceleration, with a <= (sqrt(2) + 2 |u|) max(|qdd| + |qd|^2), and w^2.
+    A link of length L turns at up to w = (v_i + v_j) / L, with v <= sqrt(2) times the largest rate at a joint, however
+    small its row d . v of the reference is. It stands in two columns, its own and that of the body that hangs on it,
+    with an arm of L and 3/2 for every body below it. Each product costs two roundings for every frame of the chain, and
+    the solve of n equations n more; all lengths in sizes. Likewise its angular acceleration, (a_i + a_j) / L, and w^2.
     """
     unit, chain = mechanism.unit(), len(mechanism.bodies)
     velocity = acceleration = 0.0
     for e in elements_of(mechanism.constraints):
         if isinstance(e, PointDistance) and not e.laws:
             length = e.length / unit.size
-            arms = [hypot(*u) / unit.size for body, u in e.ends if body != GROUND]
-            turning = sum(sqrt(2.0) + arm for arm in arms) / length
-            bending = sum(sqrt(2.0) + 2.0 * arm for arm in arms) / length
+            turning = sqrt(2.0) * sum(body != GROUND for body, _ in e.ends) / length
             roundings = 2.0 * 3.0 * (chain + 1) * (length + 1.5 * chain) * 2.0**-53
             velocity += roundings * turning
-            acceleration += roundings * (bending + turning**2)
+            acceleration += roundings * (turning + turning**2)
     why = "a massless link turns fast where its distance joint hardly moves, and every body below turns back"
     return tuple(
         Term(name="massless links", level=level, reason=why, of_rates=size)
