@@ -210,8 +210,27 @@ class Propagation:
             left = left + (BOTH_SIDES if term.form else 1.0) * (term.absolute + term.relative * self.size[0][:, here])
         levels, places = budget.levels.copy(), self.samples[here]
         more = _beyond_first(self.system, q, left, t, BOTH_SIDES * np.max(levels[0][:, places], axis=0))
+        more[2] += self._squares(terms, here)
         levels[..., places] += np.where(more > TENTH * self.both[..., here], more, 0.0)  # less is rounding
         return ErrorBudget(levels, budget.compared)
+
+    def _squares(self, terms: Sequence[Term], here: Any) -> Any:
+        """Return what squares of velocities that are off add to accelerations (n, K), at some of the samples.
+
+        Of a linkage that is pushed along and does not turn nothing else is: omega = 0 may be off by rounding / sigma,
+        and its square is in gamma. What is even in velocities there, less what is left at none, are their squares.
+        """
+        q, t, left = self.levels[0][:, here], self.t[here], BOTH_SIDES * self.of_rows[1][:, here]
+        for term in (term for term in terms if term.level == QUANTITIES[1]):
+            left = left + term.absolute + term.relative * self.size[1][:, here]
+        system, more = self.system.held_at(q), np.zeros_like(q)
+        slope = system.phi_q(q, t)
+        inverse, still = np.moveaxis(_inverse(slope), 0, -1), system.gamma(q, 0.0 * q, t)
+        for signs in _directions(system, slope):
+            off = times(inverse, signs * left)
+            squares = 0.5 * (system.gamma(q, off, t) + system.gamma(q, -off, t)) - still
+            more = np.maximum(more, np.abs(times(inverse, squares)))
+        return more
 
     def _solved_with(self, levels: Any) -> Any:
         """Return what solving adds to rates (2, n, T) that may be off (3, n, T) by a good part of themselves.

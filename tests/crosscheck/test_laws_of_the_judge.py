@@ -54,6 +54,7 @@ from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.judge.uncompared import Uncompared
 from crosscheck.measure.check import check
 from refkin import AngleDriver, Distance, FourBar, Polynomial, SliderCrank, Table, compile_system
+from refkin.joints import Prismatic, Revolute
 from refkin.motion import Status, point_motion
 from refkin.motion_laws import Integral
 from refkin.proof.numbers.bounded import Times
@@ -194,6 +195,33 @@ def test_what_a_rule_leaves_may_do_what_it_does_beyond_first_order_also_where_th
     compared = compare(ref, leaving(ref, sign * part * 1e-4 * np.sign(last)), [replace(RULE, absolute=1e-4)])
 
     assert [compared.quantities[quantity].agrees for quantity in QUANTITIES] == [not beyond] * 3
+
+
+def pushed_along():
+    """Return two bars that nearly lie in line, from pin to pin of a slide that is pushed along: nothing turns."""
+    ends = {"body_i": GROUND, "point_i": (0.0, 0.0), "body_j": "slide", "point_j": (0.0, 0.0)}
+    pins = [("slide", (0.0, 0.0), "a", (0.0, 0.0)), ("a", (1.0, 0.0), "b", (1.0, 0.0))]
+    pins.append(("slide", (2.0 - 2e-9, 0.0), "b", (0.0, 0.0)))
+    bars = [Revolute(name=i + j, body_i=i, point_i=u, body_j=j, point_j=v) for i, u, j, v in pins]
+    driver = refkin.XDriver(name="motor", body="slide", law=TURN)
+    turns = {"slide": (0.0, 0.0), "a": (0.0, 4.5e-5), "b": (2.0, math.pi - 4.5e-5)}
+    bodies = [refkin.Body(name=name, estimate=(x, 0.0, phi)) for name, (x, phi) in turns.items()]
+    joints = [Prismatic(name="guide", axis_i=(1.0, 0.0), **ends), *bars]
+    return refkin.Scene(mechanism=refkin.Mechanism(bodies, joints, (driver,)), times=(0.5,))
+
+
+@pytest.mark.parametrize(("more", "beyond"), [(0.0, False), (1e-12, True)])
+def test_a_velocity_that_is_rounded_may_do_what_its_square_does_where_nothing_turns(more, beyond):
+    """No first order is there: exudyn, asked in another order of bodies, was beyond by 8e7 times with 1e-23 rad/s^2."""
+    ref = reference(pushed_along())
+    sign = np.sign(np.linalg.svd(ref.system.phi_q(ref.levels[0], ref.motion.t)[..., 0])[0][:, -1])
+    errors = np.outer([0.0, 1.0, 0.0], 0.1 * sign * ref.propagation.of_rows[1][:, 0])
+    moved = moved_levels(ref.system, [level[:, 0] for level in ref.levels], 0.5, errors)
+    qd, qdd = (ref.system.to_physical(level[:, None], k) for k, level in enumerate(moved[1:], 1))
+    answer = replace(ref.motion, qd=qd, qdd=qdd + more)
+
+    assert np.max(np.abs(qdd)) > 2.0 * np.max(ref.budget().levels[2])
+    assert compare(ref, answer).agrees is not beyond
 
 
 def test_a_point_and_a_message_go_by_what_a_body_was_held_against():
