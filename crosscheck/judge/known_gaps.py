@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError
 
 from crosscheck.errors import CannotRun, UsageError
-from crosscheck.judge.records import Cause, Disagreement, Record, Strict, adapter, fault
+from crosscheck.judge.records import BEYOND_NEWTON, Cause, Disagreement, Record, Strict, adapter, fault
 
 Predicate = Callable[[Record], bool]
 
@@ -35,7 +35,7 @@ def step_beyond_newton(record: Record) -> bool:
     unit (K = 1), and |J^-1| is 1 / sigma: so there is no bond where a step is longer than sigma_min / 2 at its ends.
     """
     distance = None if record.reference is None else record.reference.sigma_per_step
-    return distance is not None and distance < 2.0
+    return distance is not None and distance < BEYOND_NEWTON
 
 
 def step_beyond_newton_in_space(record: Record) -> bool:
@@ -136,6 +136,8 @@ class KnownGap(Strict):
         d = disagreement
         has = {"method": (d.method,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
         fits = d.engine == self.engine and all(value in has[key] for key, value in self.match.items())
+        if PREDICATES[self.predicate] in OF_STEPS:  # one later explains nothing
+            fits &= not d.bound
         if d.kind is Cause.NO_ANSWER and PREDICATES[self.predicate] in OF_STEPS:  # there is a pose to step from
             fits &= any(
                 a.missing < a.times for a in record.answers if (a.engine, a.method.name) == (d.engine, d.method)

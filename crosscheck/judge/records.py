@@ -39,6 +39,10 @@ By = dict[int, Histogram]
 """Decade of sigma_min, the distance to a singular pose -> the digits met there."""
 
 
+BEYOND_NEWTON = 2.0
+"""sigma_min over a step below which Newton, started at the last pose, is not bound to the next (`known_gaps`)."""
+
+
 class Strict:
     """What is read from a line holds nothing that is not known, and finite numbers."""
 
@@ -229,7 +233,8 @@ class Disagreement(Strict):
     """One engine, method and quantity that is not what it must be.
 
     `how`: of a crash the signal or exit code, of an error the exception, of the reference its status; `ratio` is error
-    / allowed, `at` where that is largest; `violated` names joints and drivers, the most violated first.
+    / allowed, `at` where that is largest; `violated` names joints and drivers, the most violated first. `bound` says of
+    another assembly, or of no answer, that it was met before any step to which Newton is not bound.
     """
 
     engine: str
@@ -241,6 +246,7 @@ class Disagreement(Strict):
     at: At | None = None
     message: str = ""
     violated: list[str] = field(default_factory=list)
+    bound: bool = False
 
     @property
     def name(self) -> str:

@@ -24,7 +24,16 @@ import numpy as np
 from flint import arb, ctx
 
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, scales
-from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histogram, Quantity, ReferenceRow
+from crosscheck.judge.records import (
+    BEYOND_NEWTON,
+    MOST_DIGITS,
+    QUANTITIES,
+    By,
+    Common,
+    Histogram,
+    Quantity,
+    ReferenceRow,
+)
 from crosscheck.judge.rounding import SAFETY
 from crosscheck.judge.running_error import U
 from refkin.motion_laws import Table
@@ -75,10 +84,22 @@ def sharpness_at_common(ref: Reference) -> dict[str, tuple[float, float]]:
 
 def _sigma_per_step(ref: Reference) -> float | None:
     """Return the smallest ratio of sigma_min, at either end of a step, to what a coordinate changes by in it."""
+    ratios = _sigma_of_steps(ref)
+    known = np.isfinite(ratios)
+    return smallest(ratios[known]) if known.any() else None
+
+
+def _sigma_of_steps(ref: Reference) -> Any:
+    """Return that ratio of each step, (T - 1,): NaN where a pose is not known, infinity where nothing moves."""
     steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
-    sigma = np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1])
-    moved = np.isfinite(sigma) & (steps > 0.0)
-    return smallest(sigma[moved] / steps[moved]) if moved.any() else None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(steps == 0.0, np.inf, np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1]) / steps)
+
+
+def is_bound(ref: Reference, time: float) -> bool:
+    """Return whether no step that begins up to a time is beyond Newton: what is wrong by then no step explains."""
+    ratios = _sigma_of_steps(ref)[: 1 + int(np.searchsorted(ref.motion.t, time))]
+    return bool(len(ratios) and np.all(ratios >= BEYOND_NEWTON))
 
 
 def rounding_digits(ref: Reference) -> dict[str, Any]:

@@ -48,6 +48,7 @@ from crosscheck.judge.records import (
 )
 from crosscheck.judge.samples import (
     histogram,
+    is_bound,
     largest,
     largest_ratio,
     quantities,
@@ -383,7 +384,8 @@ def _disagreements(
             yield {**wrong(quantity, kind), "ratio": largest_ratio(q.ratio), "at": q.worst}
     for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if answered is not None and not all(subject.excused(*silence) for silence in answered.silences):
-            yield wrong("status", kind, f"{answered.missing} times without answer")
+            bound = kind is Cause.NO_ANSWER and is_bound(subject.ref, answered.first_missing)
+            yield {**wrong("status", kind, f"{answered.missing} times without answer"), "bound": bound}
             return
 
 
@@ -395,7 +397,8 @@ def _beyond(
     if kind is Cause.BEYOND and at.time is not None:
         violated = violations(ref, motion, QUANTITIES.index(quantity), at.time)
     kind = Cause.NO_NUMBER if np.isinf(q.error[samples]).any() else kind
-    seen = {"ratio": largest_ratio(q.ratio[samples]), "at": at, "violated": list(violated.names)}
+    bound = kind is Cause.OTHER_ASSEMBLY and is_bound(ref, float(motion.t[samples][0]))
+    seen = {"ratio": largest_ratio(q.ratio[samples]), "at": at, "violated": list(violated.names), "bound": bound}
     return {**wrong(quantity, kind, violated.text), **seen}
 
 

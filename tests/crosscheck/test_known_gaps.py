@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import refkin
@@ -13,8 +14,11 @@ from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure import jobs
 from crosscheck.measure.check import check
 from crosscheck.night.campaign import still_shows
+from refkin import FourBar, Polynomial
+from refkin.motion import Status
 from tests.places import CORPUS, ROOT
 
+from .made_up_engines import Made
 from .report_records import WHO, answer, typed
 from .report_records import record as planted
 
@@ -174,6 +178,38 @@ def test_no_step_is_to_blame_where_there_is_no_pose_to_step_from(missing, new):
     met = replace(met, answers=[replace(met.answers[0], times=4, missing=missing)])
 
     assert len(Tally(GAPS).add(met)) == new
+
+
+@pytest.mark.parametrize("kind", [JUMP, Cause.NO_ANSWER])
+def test_no_step_is_to_blame_that_comes_later(kind):
+    """Seven of ten scenes of a night have such a step somewhere: whatever went wrong before it was known."""
+    met = record(kind)
+    met = replace(met, answers=[replace(met.answers[0], times=4, missing=1)])
+    early = replace(met, disagreements=[replace(met.disagreements[0], bound=True)])
+
+    assert [len(Tally(GAPS).add(x)) for x in (met, early)] == [0, 1]
+
+
+@pytest.mark.parametrize(("wrong_from", "bound"), [(0, True), (1, True), (2, False), (3, False)])
+def test_what_is_wrong_before_a_step_beyond_newton_says_so(wrong_from, bound):
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.6)
+    times = (1.0, 1.02, 1.04, 3.1)
+    scene = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times, branch="open")
+    other = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times, branch="crossed")
+
+    def crossed(motion):
+        here = np.arange(len(times)) >= wrong_from
+        ends = zip(motion.levels, refkin.solve(other).levels, strict=True)
+        return replace(motion, **{k: np.where(here, x, y) for k, (y, x) in zip(("q", "qd", "qdd"), ends, strict=True)})
+
+    def silent(motion):
+        ok = [s if k < wrong_from else Status.NOT_CONVERGED for k, s in enumerate(motion.status)]
+        return replace(motion, status=tuple(ok))
+
+    for change, kind in ((crossed, Cause.OTHER_ASSEMBLY), (silent, Cause.NO_ANSWER)):
+        met = [d for d in check(scene, [Made("made", change)]).disagreements if d.kind is kind]
+        assert met
+        assert {d.bound for d in met} == {bound}
 
 
 def test_a_row_covers_nothing_of_another_engine():
