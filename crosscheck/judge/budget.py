@@ -25,7 +25,7 @@ B1 to B3 are those of the rows y, whose S, T and C differ by M' and M''.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -224,12 +224,12 @@ class Propagation:
         for term in (term for term in terms if term.level == QUANTITIES[1]):
             left = left + term.absolute + term.relative * self.size[1][:, here]
         system, more = self.system.held_at(q), np.zeros_like(q)
-        slope = system.phi_q(q, t)
-        inverse, still = np.moveaxis(_inverse(slope), 0, -1), system.gamma(q, 0.0 * q, t)
-        for signs in _directions(system, slope):
-            off = times(inverse, signs * left)
-            squares = 0.5 * (system.gamma(q, off, t) + system.gamma(q, -off, t)) - still
-            more = np.maximum(more, np.abs(times(inverse, squares)))
+        slope, still = system.phi_q(q, t), system.gamma(q, 0.0 * q, t)
+        for alike, at, inverse, residual in _along_directions(system, slope, q, t, left):
+            held, off = system.held_at(alike), times(inverse, residual)
+            even = 0.5 * (held.gamma(alike, off, at) + held.gamma(alike, -off, at))
+            gained = np.abs(times(inverse, even - np.tile(still, len(at) // len(t))))
+            more = np.maximum(more, np.max(gained.reshape(len(q), -1, len(t)), axis=1))
         return more
 
     def _solved_with(self, levels: Any) -> Any:
@@ -384,20 +384,26 @@ def _beyond_first(system: System, q: Any, left: Any, t: Any, within: Any) -> Any
     """
     held = system.held_at(q)
     slope = held.phi_q(q, t)
-    inverse = np.moveaxis(_inverse(slope), 0, -1)
-    middle, more = _solved(held, inverse, q, 0.0 * left, t), np.zeros((3, *q.shape))
-    directions = _directions(system, slope)
-    for signs in np.array_split(directions, min(1 + directions.size * len(q) // AT_ONCE, len(directions))):
-        alike, at, stacked = (np.tile(x, len(signs)) for x in (q, t, inverse))
-        held, residual = system.held_at(alike), np.moveaxis(signs * left, 0, 1).reshape(len(left), -1)
-        linear = np.imag(_rated(held, alike + 1j * STEP * times(stacked, residual), at)) / STEP
-        ends = (_solved(held, stacked, alike, residual, at), _solved(held, stacked, alike, -residual, at))
-        first, second = (end.reshape(3, len(q), len(signs), len(t)) - middle[:, :, None] for end in ends)
+    middle = _solved(held, np.moveaxis(_inverse(slope), 0, -1), q, 0.0 * left, t)
+    more = np.zeros((3, *q.shape))
+    for alike, at, inverse, residual in _along_directions(system, slope, q, t, left):
+        held = system.held_at(alike)
+        linear = np.imag(_rated(held, alike + 1j * STEP * times(inverse, residual), at)) / STEP
+        ends = (_solved(held, inverse, alike, residual, at), _solved(held, inverse, alike, -residual, at))
+        first, second = (end.reshape(3, len(q), -1, len(t)) - middle[:, :, None] for end in ends)
         linear = linear.reshape(first.shape)
         near = np.maximum(*(np.max(np.abs(off[0]), axis=0) for off in (first, second))) <= within
         off = np.maximum(np.abs(first - linear), np.abs(second + linear))
         more = np.fmax(more, np.fmax.reduce(np.where(near, off, 0.0), axis=2))
     return more
+
+
+def _along_directions(system: System, slope: Any, q: Any, t: Any, left: Any) -> Iterator[tuple[Any, Any, Any, Any]]:
+    """Yield poses, times, J^-1 and residuals `left` (m, T) along some of the directions, all of these at once."""
+    inverse, directions = np.moveaxis(_inverse(slope), 0, -1), _directions(system, slope)
+    for signs in np.array_split(directions, min(1 + directions.size * len(q) // AT_ONCE, len(directions))):
+        residual = np.moveaxis(signs * left, 0, 1).reshape(len(left), -1)
+        yield *(np.tile(x, len(signs)) for x in (q, t, inverse)), residual
 
 
 def _directions(system: System, slope: Any) -> Any:
