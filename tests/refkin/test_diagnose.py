@@ -335,6 +335,31 @@ def test_a_pin_on_the_pivot_of_its_slot_is_a_bifurcation_of_the_lever():
     assert diagnosis.bodies == ("lever",)
 
 
+@pytest.mark.parametrize(
+    ("a", "known", "kind"),
+    [(0.1, 0.0, PoseKind.ACTUATOR), (0.1, 4e-6, PoseKind.ACTUATOR), (0.125, 0.0, PoseKind.TURNING_POINT)],
+)
+def test_a_face_turns_its_cam_back_at_an_inflection_but_not_on_a_flat_spot(a, known, kind):
+    """r = 1 + a sin 3s: two inflections, at a = 1/10 in one place, known to 4e-6, of which the bend was one."""
+    sine = (11.0 - math.sqrt(121.0 + 32.0 * (1.0 + 18.0 * a * a))) / (16.0 * a)
+    s = math.asin(max(sine, -1.0)) / 3.0
+    r, slope = 1.0 + a * sine, 3.0 * a * math.cos(3.0 * s)
+    angle = math.pi - s - math.atan2(r, slope)  # there the face, on top of the cam, is level
+    ends = {"point_i": (0.0, 0.0), "body_j": "face", "point_j": (0.0, 0.0)}
+    lobes = Polar(law=refkin.Sinusoid(offset=1.0, amplitude=a, angular_frequency=3.0))
+    joints = (
+        pin("O", GROUND, (0.0, 0.0), "cam", (0.0, 0.0)),
+        Prismatic(name="guide", body_i=GROUND, **ends, axis_i=(0.0, 1.0)),
+        Cam(name="touch", body_i="cam", **ends, profile=lobes, follower="flat", normal_j=(0.0, -1.0)),
+    )
+    bodies, motor = (Body(name="cam"), Body(name="face")), driven(AngleDriver, "motor", angle, body="cam")
+    pose = (0.0, 0.0, angle, 0.0, r * math.sin(angle + s), 0.0, s + known)
+    found = refkin.diagnose(compile_system(Mechanism(bodies, joints, (motor,))), pose, 0.0)
+
+    assert (found.kind, found.bodies) == (kind, ())
+    assert "with the drivers held the place where a cam is touched can still move to first order" in found.message
+
+
 def test_a_cam_that_is_a_point_is_touched_anywhere():
     law, profile = Polynomial(coefficients=(0.2, 1.0)), Polar(law=Polynomial(coefficients=(0.0,)))
     at = {"body_i": "cam", "point_i": (0.0, 0.0), "body_j": "pin"}
@@ -348,7 +373,7 @@ def test_a_cam_that_is_a_point_is_touched_anywhere():
     found = refkin.diagnose(Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,)))
 
     assert (found.kind, found.bodies) == (PoseKind.IDLE, ())
-    assert found.message == "idle motion: no driver holds where on its profile a cam touches"
+    assert found.message == "idle motion: no driver holds the place where a cam is touched"
 
 
 @pytest.mark.parametrize("factor", [2.0**-30, 1e-9, 1e9])

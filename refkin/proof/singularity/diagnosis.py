@@ -11,7 +11,7 @@ need not decide: P. Lopez-Custodio, A. Mueller, J. S. Dai, J. Mechanisms Robotic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -193,8 +193,8 @@ class _Examination:
         other = self._other_driver(free)
         same = f"; driven by {other} the same pose is regular (an actuator singularity)" if other else ""
         who = {"rows": rows, "bodies": bodies, "other_driver": other}
-        held = f"with the drivers held {_and(bodies)} can still move"
-        if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left[0]) @ free[:, 0]) > self.vanishing:
+        held = f"with the drivers held {_moving(bodies)} can still move"
+        if free.shape[1] == 1 and self._turns_back(free[:, 0], left[0]):
             # Beside a bifurcation all drivers have small parts of psi.
             drivers = self._rows(np.where(np.isin(np.arange(self.system.m), self.driven), left[:1], 0.0))
             return self._of(
@@ -203,6 +203,15 @@ class _Examination:
         if self._goes_on(free):
             return self._of(PoseKind.IDLE, f"{held} on and on{same}", **who)
         return self._of(PoseKind.ACTUATOR, f"{held} to first order{same}", **who)
+
+    def _turns_back(self, v: Any, psi: Any) -> bool:
+        """Whether psi . phi_qq[v, v] is not zero, and of one sign as far off as a pose of third order may be known.
+
+        Where three roots meet a pose is known to the cube root of round-off, and a bend is left that changes its sign.
+        """
+        way = self.vanishing ** (2 / 3) / np.max(np.abs(v))
+        bends = [v @ replace(self.all, q=self.q + k * way * v).bend(psi) @ v for k in (-1, 0, 1)]
+        return bool(abs(bends[1]) > self.vanishing and np.ptp(np.sign(bends)) == 0)
 
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
@@ -213,8 +222,7 @@ class _Examination:
         more = f"the joints allow {self.mobility} motion{'s' * (self.mobility != 1)} to first order"
         if tangent_cone.forms == 0:
             if self._goes_on(free):
-                what = _and(bodies) if bodies else "where on its profile a cam touches"
-                return self._of(PoseKind.IDLE, f"no driver holds {what}", bodies=bodies)
+                return self._of(PoseKind.IDLE, f"no driver holds {_moving(bodies)}", bodies=bodies)
             return self._of(PoseKind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
         if len(tangent_cone.tangents) > 1:
             rates = [self.frames.outward_rate(self.q, v) for v in tangent_cone.tangents]
@@ -270,6 +278,10 @@ class _Examination:
         size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, self.system.kind.width).max(axis=1)
         names = [body.name for body in self.system.mechanism.bodies]
         return tuple(name for name, x in zip(names, size, strict=True) if x > INVOLVED * size.max() and name != GROUND)
+
+
+def _moving(bodies: Any) -> str:
+    return _and(bodies) if bodies else "the place where a cam is touched"
 
 
 def _and(names: Any) -> str:
