@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene, expect
-from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins
+from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins, with_unit_length
 from refkin.joints.annotations import check, is_real
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
@@ -111,14 +111,12 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
     Raises
     ------
     InvalidScene
-        If there is no such dimension or type of joint.
+        If there is no such dimension or type of joint, or a joint is not between two bodies.
     """
     if dimension not in FREEDOMS:
         raise InvalidScene([Fault("dimension", dimension, " or ".join(FREEDOMS))], "mobility")
     free, d = FREEDOMS[dimension], COORDINATES[dimension]
-    unknown = [k for k, (kind, _, _) in enumerate(joints) if kind not in free]
-    if unknown:
-        faults = [Fault(f"joints[{k}]", joints[k][0], f"one of {', '.join(free)}") for k in unknown]
+    if faults := list(_faults(joints, free)):
         raise InvalidScene(faults, "mobility")
     bodies = dict.fromkeys([GROUND, *(body for _, *pair in joints for body in pair)])
     held = {body: [kind for kind, *pair in joints if body in pair] for body in bodies}
@@ -128,6 +126,15 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
         coordinates=d,
         passive=tuple(body for body, by in held.items() if by == ["spherical"] * 2 and body != GROUND),
     )
+
+
+def _faults(joints: Sequence[Any], free: Mapping[str, int]) -> Iterator[Fault]:
+    """Yield what is no type of joint between two bodies."""
+    for k, joint in enumerate(joints):
+        if isinstance(joint, str) or len(joint) != 3 or joint[1] == joint[2]:
+            yield Fault(f"joints[{k}]", joint, "a type and two different bodies")
+        elif joint[0] not in free:
+            yield Fault(f"joints[{k}]", joint[0], f"one of {', '.join(free)}")
 
 
 def count(mechanism: Mechanism) -> Count:
@@ -215,7 +222,8 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
     ----------
     mechanism : Mechanism
     q : (n,) array
-        Coordinates of the bodies in their order [m, rad], then the parameters of contacts, if there are any.
+        Coordinates of the bodies in their order [m, rad], then the parameters of contacts, if there are any. Euler
+        parameters are made a unit.
     t : float
         When [s].
     tolerance : float
@@ -224,14 +232,24 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
     Raises
     ------
     InvalidRequest
-        If q are not as many numbers, t is not finite, or the tolerance is no number of at least 0.
+        If q are not as many numbers, or Euler parameters of a body all 0, if t is not finite, or the tolerance no
+        number of at least 0.
     """
     expect("mechanism", mechanism, Mechanism)
     system = compile_system(mechanism, unit=mechanism.unit())
     check("q", f"{system.n} coordinates", q, is_real(q, system.n) and bool(np.isfinite(np.asarray(q, float)).all()))
     check("t", "a finite time [s]", t, is_real(t) and bool(np.isfinite(t)))
     check("tolerance", "a number of at least 0", tolerance, is_real(tolerance) and tolerance >= 0.0)
-    return mobility_of(system, system.to_unit(np.asarray(q, float)), t, tolerance)
+    return mobility_of(system, system.to_unit(_of_unit_length(system, np.array(q, float))), t, tolerance)
+
+
+def _of_unit_length(system: System, q: Any) -> Any:
+    """Return a pose (n,) with Euler parameters of length 1, as those of an estimate are made."""
+    if system.kind is SPACE:
+        bodies = q[: system.of_bodies].reshape(-1, SPACE.width)
+        check("q", "Euler parameters that are not all 0", q.tolist(), bool(bodies[:, 3:].any(axis=1).all()))
+        q[: system.of_bodies] = np.ravel([with_unit_length(tuple(body)) for body in bodies.tolist()])
+    return q
 
 
 def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGULAR) -> Mobility:

@@ -13,7 +13,7 @@ import pytest
 import refkin
 from refkin.errors import InvalidRequest, InvalidScene
 from refkin.joints import SPATIAL_JOINT_TYPES, AngleDriver, XDriver, YDriver
-from refkin.joints.spatial import PointOnPlane
+from refkin.joints.spatial import PointOnPlane, SpatialRevolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.proof.singularity.second_order import balance
@@ -84,6 +84,13 @@ def test_a_joint_leaves_as_many_freedoms_as_the_books_say():
     ("joints", "dimension", "words"),
     [
         ([("spherical", "a", "b")], "planar", "joints\\[0\\]: expected one of revolute, fixed"),
+        ([("revolute", "a")], "planar", "joints\\[0\\]: expected a type and two different bodies, got"),
+        (
+            [("revolute", "a", "b"), ("revolute", "a", "a")],
+            "planar",
+            "joints\\[1\\]: expected a type and two different",
+        ),
+        ("revolute", "planar", "joints\\[0\\]: expected a type and two different bodies, got 'r'"),
         ([("revolute", "a", "b")], "solid", "dimension: expected planar or spatial, got 'solid'"),
     ],
 )
@@ -311,6 +318,32 @@ def test_what_no_rank_can_be_found_of_is_told_by_name(wrong, told):
 
     with pytest.raises(InvalidRequest, match=told):
         mobility(scene.mechanism, **{"q": refkin.solve(scene).q[:, 0], **wrong})
+
+
+def test_euler_parameters_of_a_pose_are_made_a_unit_as_those_of_an_estimate_are():
+    """Twice as long they put points out of their places: rows depended otherwise. Where all are 0, NaN was printed."""
+    frame = {f"{key}_{side}": axis for key, axis in (("axis", (0, 0, 1)), ("zero", (1, 0, 0))) for side in "ij"}
+    places = {"ground": (0, 0), "a": (0, 0), "b": (1, 1), "c": (4, 0)}
+    pins = [("ground", "a", (0, 0)), ("a", "b", (1, 1)), ("b", "c", (3, 2)), ("c", "ground", (4, 0))]
+    joints = [
+        SpatialRevolute(
+            name=f"{i} {j}",
+            body_i=i,
+            point_i=(*np.subtract(at, places[i]).tolist(), 0),
+            body_j=j,
+            point_j=(*np.subtract(at, places[j]).tolist(), 0),
+            **frame,
+        )
+        for i, j, at in pins
+    ]
+    mechanism = Mechanism([Body(name=name) for name in "abc"], joints)
+    poses = [np.ravel([(*places[name], 0, length, 0, 0, 0) for name in "abc"]) for length in (1.0, 2.0, 0.0)]
+    known, longer = (mobility(mechanism, q) for q in poses[:2])
+
+    assert known.mobility == longer.mobility == 1
+    assert known.joints.dependent == longer.joints.dependent
+    with pytest.raises(InvalidRequest, match="q: expected Euler parameters that are not all 0, got"):
+        mobility(mechanism, poses[2])
 
 
 def test_kinds_have_their_names():
