@@ -27,6 +27,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.singularity.diagnosis import Diagnosis, diagnose_scaled
 from refkin.solving.steps import APART
+from refkin.solving.table_ends import ends
 from refkin.system import System, compile_system
 
 USELESS = 1e12
@@ -297,13 +298,15 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     ------
     ValueError
         If there is no pose: a system without q and t, a scene without a first pose, a q that does not close
-        or has another number of coordinates.
+        or has another number of coordinates, a time that is not in a law's table.
     """
     expect("given", given, Scene, System)
     system = compile_system(given.mechanism, unit=given.mechanism.unit())
     check("t", "a finite time [s]", t, t is None or (is_real(t) and math.isfinite(t)))
     counts = dict.fromkeys((system.n, system.of_bodies))  # with contact parameters, or without
     check("q", f"{' or '.join(map(str, counts))} numbers", q, q is None or any(is_real(q, n) for n in counts))
+    over = [name for name, first, last in ends(given.mechanism.constraints) if not first <= (t or 0.0) <= last]
+    check("t", f"a time in the table of {', '.join(over)}", t, t is None or not over)
     if isinstance(given, Scene):
         t = given.times[0] if t is None else t
         if q is None:

@@ -11,6 +11,7 @@ from refkin.joints import AngleDriver, Perpendicular, SpatialFixed, SpatialPrism
 from refkin.model import Body, Mechanism
 from refkin.proof.singularity.diagnosis import PoseKind
 from refkin.solving.mobility import mobility
+from tests.linkages import with_law
 from tests.refkin.test_sweep import three_cranks
 
 from .assembly_cases import bodies, constant, four_bar, pin, solved, turned
@@ -107,6 +108,9 @@ def test_what_cannot_be_diagnosed_or_followed_says_why():
 
     with pytest.raises(ValueError, match=r"q is no pose at t = 0: its largest scaled residual is \d"):
         refkin.diagnose(scene, [0.0] * 9, 0.0)
+    table = refkin.Table(argument=(0.0, 1.0), value=(0.5, 1.0))
+    with pytest.raises(ValueError, match="t: expected a time in the table of driver, got 2"):
+        refkin.diagnose(with_law(scene, table), t=2.0)
     with pytest.raises(ValueError, match="a system alone has no pose: give q and t"):
         refkin.diagnose(system)
     with pytest.raises(ValueError, match=r"start: expected \(q, t\), as a system alone does not say where to start"):
