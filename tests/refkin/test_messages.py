@@ -126,6 +126,7 @@ SAID = {
 """Sentence -> a scene where it is said, and one where it is not."""
 ELSEWHERE = {
     "the scene has no first pose: {}": "test_diagnose.py: redundant_rows_that_contradict_each_other",
+    "a time in the table of {}": "test_sentences.py: what_cannot_be_diagnosed_or_followed",
     "rates at t = {} are too large for numbers": "test_hostile_scenes.py: rates_beyond_all_numbers",
     "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
