@@ -90,8 +90,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 63_327
-    assert size["tests"] <= 50_482
+    assert size["refkin"] + size["crosscheck"] <= 63_312
+    assert size["tests"] <= 50_491
 
 
 ALL = ("refkin", "crosscheck", "tests")
@@ -487,7 +487,7 @@ def test_the_round_off_rule_has_one_definition():
     assert assigned("ROUND_OFF") == {"refkin.newton"}
 
 
-FROM_THE_TRUTH = {"crosscheck.judge.truth", "crosscheck.judge.prices", "crosscheck.report.measured"}
+FROM_THE_TRUTH = {"crosscheck.judge.truth", "crosscheck.judge.prices"}
 FROM_THE_TRUTH |= {"crosscheck.measure.price_process", "crosscheck.measure.price", "crosscheck.report.prices"}
 FROM_THE_TRUTH |= {"crosscheck.commands.price", "crosscheck.problems.export", "crosscheck.commands.documents"}
 

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from pydantic import NonNegativeFloat
+
 from crosscheck.judge.records import Strict
 from crosscheck.scenes.names import QUANTITIES
 from refkin.motion import Quantity
@@ -40,17 +42,17 @@ class PriceRow:
     quantity: Quantity
     digits: float | None
     digits_attainable: float | None
-    microseconds: float | None
-    spread: float | None
+    microseconds: NonNegativeFloat | None
+    spread: NonNegativeFloat | None
     newton_by: str
     digits_one: float | None = None
-    microseconds_one: float | None = None
-    spread_one: float | None = None
+    microseconds_one: NonNegativeFloat | None = None
+    spread_one: NonNegativeFloat | None = None
     digits_bulk: float | None = None
-    microseconds_bulk: float | None = None
-    spread_bulk: float | None = None
-    microseconds_to_build: float | None = None
-    unasked_bulk: float | None = None
+    microseconds_bulk: NonNegativeFloat | None = None
+    spread_bulk: NonNegativeFloat | None = None
+    microseconds_to_build: NonNegativeFloat | None = None
+    unasked_bulk: NonNegativeFloat | None = None
     note: str = ""
 
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt
 
 from crosscheck.judge.known_gaps import KindOfGap
-from crosscheck.judge.prices import EffectRow
-from crosscheck.judge.records import adapter, read_file
+from crosscheck.judge.prices import EffectRow, PriceRow
+from crosscheck.judge.records import Strict, adapter, read_file
 from crosscheck.scenes.names import called
-from refkin.motion import Quantity
 
 Rows = list[dict[str, Any]]
 VERDICTS = ("correct", "warned", "refused", "wrong", "crash", "hang")
@@ -31,28 +31,11 @@ class _Row(BaseModel):
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
 
 
-class _PriceFile(_Row):
-    """What one setting of one method costs per configuration, and to how many digits it is right."""
+@dataclass(frozen=True, kw_only=True)
+class _PriceFile(PriceRow, Strict):
+    """A row of the price list, with the class of its scene."""
 
-    engine: str
-    method: str
-    setting: str
-    quantity: Quantity
-    digits: float | None
-    digits_attainable: float | None = None
-    microseconds: NonNegativeFloat | None
-    spread: NonNegativeFloat | None = None
     scene_class: str
-    newton_by: str = ""
-    digits_one: float | None = None
-    microseconds_one: NonNegativeFloat | None = None
-    spread_one: NonNegativeFloat | None = None
-    digits_bulk: float | None = None
-    microseconds_bulk: NonNegativeFloat | None = None
-    spread_bulk: NonNegativeFloat | None = None
-    microseconds_to_build: NonNegativeFloat | None = None
-    unasked_bulk: NonNegativeFloat | None = None
-    note: str = ""
 
 
 class _HardCaseFile(_Row):

@@ -45,7 +45,14 @@ PRICES = [
     {"engine": "exudyn", "method": "MainSolverStatic.Newton", "setting": "1e-9", "digits": 8.9, "microseconds": 5.0},
 ]
 PRICES = [
-    {**row, "quantity": "acceleration", "digits_attainable": 15.0, "spread": 0.05, "scene_class": "regular"}
+    {
+        **row,
+        "newton_by": "",
+        "quantity": "acceleration",
+        "digits_attainable": 15.0,
+        "spread": 0.05,
+        "scene_class": "regular",
+    }
     for row in PRICES
 ]
 OF_POSITION: Any = {"engine": "refkin", "method": "solve", "microseconds": 20.0, "largest_change": 0.0}

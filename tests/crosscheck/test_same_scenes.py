@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,13 +14,13 @@ import pytest
 from crosscheck.report.build import coverage, together
 from crosscheck.report.first_table import first_table
 
-from .report_records import QUANTITIES, ROUTES, answer, disagreement, floored, of_run, quantity, record
+from .report_records import QUANTITIES, ROUTES, answer, disagreement, floored, of_run, price_row, quantity, record
 from .test_report_sections import HARD as HARD_CASES
 
 EASY, HARD = [16.0, 16.1, 16.2, 16.3], [8.0, 8.1, 12.2, 12.3]
 SLIGHTLY_WORSE = [digits - 0.5 for digits in EASY]
 PRICED = {"engine": "mujoco", "method": "mj_step, as shipped", "setting": "", "microseconds": 9.0}
-PRICED = [{**PRICED, "quantity": q, "digits": 3.5, "scene_class": "regular"} for q in QUANTITIES]
+PRICED = [{**asdict(price_row(**PRICED, quantity=q, digits=3.5)), "scene_class": "regular"} for q in QUANTITIES]
 
 
 def answered(engine: str, digits: Any, ratio: float = 0.5, method: str = "", **more: Any) -> dict[str, Any]:
