@@ -174,7 +174,7 @@ class Mujoco(TreeAdapter):
 
     name = "mujoco"
     package, table, effects = mujoco, CAPABILITIES, EFFECTS
-    rows_of_space, rows_of_plane = partial(SpaceRows, build=MujocoSpace, welds=0.5), AbsoluteRows
+    rows_of_space, rows_of_plane = staticmethod(partial(SpaceRows, build=MujocoSpace, welds=0.5)), AbsoluteRows
     solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
     kept = dict.fromkeys(solving, TABULATED)
 

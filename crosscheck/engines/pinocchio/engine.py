@@ -126,7 +126,7 @@ class Pinocchio(TreeAdapter):
 
     name = "pinocchio"
     package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
-    rows_of_space, rows_of_plane = partial(SpaceRows, build=PinocchioSpace), PinocchioConstraints
+    rows_of_space, rows_of_plane = staticmethod(partial(SpaceRows, build=PinocchioSpace)), PinocchioConstraints
     solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), tuple(FEATURES), (FORWARD,)
     kept = dict.fromkeys(solving, TABULATED)
 
