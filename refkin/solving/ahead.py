@@ -21,7 +21,7 @@ from refkin.proof.numbers.extrema import LISTED, extrema_of
 from refkin.proof.path.curve import are_poses
 from refkin.solving.passages import OFTEN, turning_points
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, LEAST, NEAR, SHORT, SPREAD, before, neville
-from refkin.solving.sweep import ALONE, Sweep
+from refkin.solving.sweep import ALONE, Sweep, pose_between
 from refkin.system import System
 
 DIVISIONS, MOST_DIVIDED, PARTS, SHRINKING = 4, 4, 10, 0.7
@@ -53,17 +53,34 @@ class Leaps:
     def __init__(self, sweep: Sweep, times: Sequence[float]) -> None:
         self.sweep, self.times, self.left = sweep, times, MOST
         self.ahead: Ahead | None = None
+        self.steps = set[int]()
+        """The numbers of the poses from which it took the sweep's steps."""
 
     def over(self, done: int) -> list[Any]:
         """Take the sweep on from the last of the times that are done; return the poses (n,) at the next ones."""
-        poses, sweep, rest = None if self.ahead is None else self.ahead.follow(), self.sweep, self.times[done:]
+        sweep, rest, first = self.sweep, self.times[done:], len(self.sweep.t) - 1
+        poses = None if self.ahead is None else self.ahead.follow()
         alone = sweep.singular or sweep.winds
         if poses is None and self.left and len(rest) >= FEW and not alone:
             targets = _targets(sweep, rest)
             if targets[0].size:  # none where laws turn back often before the next time
                 self.ahead, self.left = Ahead(sweep, *targets), self.left - 1
                 poses = self.ahead.follow()
+        self.steps.update(range(first, len(sweep.t) - 1))
         return poses or []
+
+    def first_astray(self, doubted: list[int]) -> int | None:
+        """Return the first of some of its steps to a pose that the sweep's own do not lead to; None if there is none.
+
+        It is noted as uncertified. To find that there is no proof of it would take far longer.
+        """
+        t, q = self.sweep.t, self.sweep.q
+        for k in sorted(self.steps.intersection(doubted)):
+            own = pose_between(self.sweep.system, q[k], t[k], t[k + 1], proving=False)
+            if own is not None and not np.max(np.abs(own - q[k + 1])) <= SAME * max(1.0, np.max(np.abs(own))):
+                self.sweep.uncertified.append(k)
+                return k
+        return None
 
 
 class Ahead:

@@ -108,7 +108,7 @@ def _positions(
         sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified, hopeless=hopeless)
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
-        step = _first_unproved(sweep, scene.times[:done])
+        step = _first_unproved(sweep, scene.times[:done], leaps)
         lost = done < count and not hopeless(scene.times[done]) if step is None else step in sweep.uncertified
         if leaps.ahead is None or not lost:
             break
@@ -124,14 +124,15 @@ def _positions(
     return q, status, "; ".join(filter(None, (start.message, why)))
 
 
-def _first_unproved(sweep: Sweep, times: Sequence[float]) -> int | None:
+def _first_unproved(sweep: Sweep, times: Sequence[float], leaps: Leaps) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one.
 
     Steps that lead to none of the times that it has reached, or to none before branches cross, need none.
     """
     steps = sweep.unproved
-    if not steps:
-        return None
+    step = leaps.first_astray(steps)
+    if not steps or step is not None:
+        return step
     full, t, q = sweep.full, np.array(sweep.t), np.array(sweep.q).T
     crossed = step_over_crossing(full, t, q, sweep.uncertified)
     last = max(time for time in times if crossed is None or time <= t[crossed])

@@ -114,6 +114,11 @@ def test_a_doubted_step_is_ok_where_smaller_ones_say_enough():
     assert refkin.solve(scene("space-gimbal-doubted.toml")).verdict is OK
 
 
+def test_a_step_that_was_leapt_to_another_branch_is_taken_again_in_smaller_ones():
+    """Of 2,000 mechanisms of a night one was lost: over its gimbal all tests of the leap were passed."""
+    assert refkin.solve(scene("space-gimbal-leapt.toml")).verdict is OK
+
+
 @pytest.mark.parametrize(
     ("doubted", "off", "missing", "seen"),
     [

@@ -35,6 +35,7 @@ from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.path.blocks import diagonal_blocks
 from refkin.proof.path.branch import Piece, _halved, _linked, first_unproved, step_over_crossing
 from refkin.solving import passages
+from refkin.solving.ahead import Leaps
 from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
@@ -510,7 +511,7 @@ def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, uncer
     sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
     sweep.uncertified[:], sweep.certified = uncertified, certified
 
-    assert _first_unproved(sweep, scene.times) == gap
+    assert _first_unproved(sweep, scene.times, Leaps(sweep, ())) == gap
 
 
 @pytest.mark.parametrize(
@@ -526,7 +527,7 @@ def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branch
     sweep, _ = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
     sweep.uncertified[:], sweep.certified = [2], True
 
-    assert _first_unproved(sweep, times) == gap
+    assert _first_unproved(sweep, times, Leaps(sweep, ())) == gap
 
 
 @pytest.mark.parametrize(("half", "slack"), [(0.1, 0.0), (1e-9, 0.0), (0.1, 2.0**-48)])
