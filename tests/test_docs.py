@@ -11,6 +11,8 @@ import sys
 
 import pytest
 
+import crosscheck
+from crosscheck import strategies
 from crosscheck.cli import main
 from crosscheck.measure.check import SHARPNESS, TURNED_ROUND
 from crosscheck.scenes import drawing
@@ -91,6 +93,14 @@ def test_digits_beyond_the_attainable_ones_that_the_book_tells_are_those_of_the_
     best = max(rows, key=lambda row: row["digits"])
     assert told
     assert [*told.groups()] == [f"{best[key]:.1f}" for key in ("digits", "digits_attainable")]
+
+
+def test_the_reference_has_every_function_of_crosscheck_and_every_strategy():
+    text = (DOCS / "api.md").read_text(encoding="utf-8")
+    (members,) = re.findall(r"automodule:: crosscheck\.strategies\n   :members: (.*)", text)
+
+    assert {f"crosscheck.{name}" for name in crosscheck.__all__} <= set(re.findall(r"autofunction:: (\S+)", text))
+    assert {name for name in strategies.__all__ if name.islower()} == set(members.split(", "))
 
 
 def test_the_shares_of_a_night_that_the_book_tells_are_those_of_the_code():

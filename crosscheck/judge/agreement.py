@@ -41,8 +41,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     Parameters
     ----------
     motion : Motion or mapping
-        The answer: a `refkin.Motion`; or, for some bodies, what was computed of x, y [m], phi [rad] and their rates
-        xd ... phidd, each (T,), as in `{"rocker": {"phi": ..., "phid": ...}}`. NaN: no answer at that time.
+        The answer: a `refkin.Motion`; or, for some bodies, what was computed of x, y [m], phi [rad] (in space x, y, z,
+        e0 ... e3) and their rates, each (T,), as in `{"rocker": {"phi": ..., "phid": ...}}`. NaN: no answer then.
     scene : Scene
         What was asked.
     residual : float

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for planar linkages and scenes, feasible by construction.
+"""Hypothesis strategies for linkages and scenes, feasible by construction.
 
 `four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.scenes.linkages`); `scenes` yields
 scenes to solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a

@@ -185,8 +185,8 @@ def follow(
     direction : 1 or -1
         Without `along`: whether t grows or falls at first.
     until : (low, high), optional
-        The path ends where t leaves this interval: by default between the first and the last time of a scene that has
-        several, else nowhere.
+        The path ends where t leaves this interval: by default, without a `start`, between the first and the last time
+        of a scene that has several, else nowhere.
     choose : callable, optional
         What returns one of a bifurcation's tangents, or its negative, or None to end there; by default paths end there.
     max_step : float
