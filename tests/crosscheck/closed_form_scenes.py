@@ -153,6 +153,12 @@ def welded(d, p):
     on_line(d, "ground", "5", p[6], p[0])
 
 
+def link_and_guide(d, p):
+    """A pin of a body ends a massless link, and its guide passes over a point of the ground."""
+    d.link("ground", "1", p[0], p[1])
+    on_line(d, "1", "ground", p[2], p[3])
+
+
 def by_crank(d, p):
     d.drive_angle("1")
 
@@ -187,6 +193,7 @@ TOPOLOGIES = {
     "double_slider": (double_slider, lambda d, p: d.drive_y("1", p[6]), 3),
     "cross_slider": (cross_slider, by_crank, 3),
     "welded": (welded, by_crank, 5),
+    "link_and_guide": (link_and_guide, lambda d, p: d.drive_y("1", p[1]), 1),
 }
 """What is built, how it is driven, and how many bodies it has, by name."""
 

@@ -180,14 +180,18 @@ class Assembly:
                 angle = self._body_angle(line.body_i)
                 gradient = None if angle is None else _start(line.normal) * complex(math.cos(angle), math.sin(angle))
                 yield LocusRow(locus, gradient, line.name)
+        held = set[tuple[int, int]]()
         for row in self.linkage.distances:
             for a, b in ((row.node_a, row.node_b), (row.node_b, row.node_a)):
                 if a in g.nodes and b in x.nodes:
+                    held.add((a, b))
                     yield self._circle_row(g, x, a, b, turn, row)
         for link in self.groups:
             ends = [sorted(link.nodes.keys() & side.nodes.keys()) for side in (g, x)]
             if link is not g and link is not x and ends[0] and ends[1]:
-                yield self._circle_row(g, x, ends[0][0], ends[1][0], turn, link)
+                a, b = ends[0][0], ends[1][0]
+                if (a, b) not in held:  # else the row that placed one of them, once more
+                    yield self._circle_row(g, x, a, b, turn, link)
 
     def _circle_row(
         self, g: RigidGroup, x: RigidGroup, a: int, b: int, turn: Planar, by: DistanceRow | RigidGroup
