@@ -113,7 +113,7 @@ def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
     yield from _geared(law, times)
     yield "distance driven", _boom(replace(lift, offset=1.2), times)
-    yield "six distances driven", Stewart.three_three().scene(law=law, times=times)
+    yield "six distances driven", Stewart.three_three().scene(speed=law(0.0, 1), times=times)
 
 
 def _geared(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:

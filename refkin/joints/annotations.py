@@ -56,6 +56,13 @@ def type_faults(path: str, item: Any) -> Iterator[Fault]:
                 yield Fault(f"{path}.{key.name}", x, words)
 
 
+def word_faults(item: Any) -> Iterator[Fault]:
+    """Yield each field of a dataclass that holds none of the words, or flags, that its annotation says."""
+    for key, words in _expected(item.__class__).items():
+        if isinstance(words, tuple) and not _held(getattr(item, key), words):
+            yield Fault(key, getattr(item, key), " or ".join(map(repr, words)))
+
+
 def _held(x: Any, expected: Any) -> bool:
     """Whether so many numbers are held, or one of these words."""
     if isinstance(expected, tuple):

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from refkin.errors import Fault
 from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
-from refkin.joints.annotations import check, plain
+from refkin.joints.annotations import check, plain, word_faults
 from refkin.joints.spatial_base import Form
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
@@ -104,7 +104,8 @@ class SpatialLinkage(Shown):
     Raises
     ------
     InvalidScene
-        If a length is not a finite number above 0, or anything else not as many finite numbers as it takes.
+        If a length is not a finite number above 0, or anything else not as many finite numbers as it takes, or no word
+        or flag of those that there are.
     """
 
     form: Form = "half"
@@ -112,6 +113,7 @@ class SpatialLinkage(Shown):
 
     def _faults(self) -> Iterator[Fault]:
         yield from super()._faults()
+        yield from word_faults(self)
         for key, shape in [(key, shape) for key, shape in SHAPES.items() if hasattr(self, key)]:
             value = getattr(self, key)
             if not _has_shape(plain(value), shape):

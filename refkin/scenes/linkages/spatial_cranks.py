@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from refkin.errors import Fault
 from refkin.joints import GROUND, Constraint, Cylindrical, SpatialDistance, SpatialPrismatic, Triple
 from refkin.joints.spatial_frames import frame, unit_vector
 from refkin.joints.spatial_vectors import Vec3
@@ -104,6 +105,13 @@ class RSSRChain(SpatialLinkage):
 
     first: RSSR
     count: int
+
+    def _faults(self) -> Iterator[Fault]:
+        yield from super()._faults()
+        if not isinstance(self.first, RSSR):
+            yield Fault("first", self.first, "an RSSR")
+        if not (type(self.count) is int and self.count > 0):
+            yield Fault("count", self.count, "a whole number above 0")
 
     def _frames(self) -> Iterator[Frame]:
         """Yield the frames in which each copy stands: z along its crank's axis."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from refkin.errors import Fault
+from refkin.errors import Fault, InvalidScene
 from refkin.joints import (
     GROUND,
     Constraint,
@@ -24,9 +24,11 @@ from refkin.joints import (
     Triple,
     Universal,
 )
+from refkin.joints.annotations import plain
+from refkin.joints.spatial_bodies import with_unit_length
 from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, Vec3
-from refkin.motion_laws import Law, Sinusoid
+from refkin.motion_laws import Law, Polynomial, Sinusoid
 from refkin.scenes.linkages.spatial_base import AT, Place, SpatialLinkage, X, Y, Z, pose_of, revolute, turned
 
 
@@ -217,7 +219,7 @@ class ScrewJack(SpatialLinkage):
 
 @dataclass(frozen=True)
 class Stewart(SpatialLinkage):
-    """A platform on six legs whose lengths are driven.
+    """A platform on six legs whose lengths are driven; of its poses there is no closed form: `assemble` says `home`.
 
     Attributes
     ----------
@@ -226,7 +228,7 @@ class Stewart(SpatialLinkage):
     home : tuple of seven floats
         The platform's coordinates at which the legs have their middle lengths.
     stroke : float
-        How far the law of the input moves the legs, by turns out and in [m].
+        How far the legs go out and in [m], each by a sine of the input, a phase [rad] of constant rate.
     """
 
     base: tuple[Triple, ...]
@@ -244,7 +246,7 @@ class Stewart(SpatialLinkage):
 
     def lengths(self) -> tuple[float, ...]:
         """Return the middle lengths of the legs [m]."""
-        p = Quaternion.of(*self.home[3:])
+        p = Quaternion.of(*with_unit_length(plain(self.home))[3:])
         tops = [Vec3(*self.home[:3]) + p.times(Quaternion(0.0, Vec3(*u))).times(p.conj()).v for u in self.platform]
         return tuple(math.hypot(*(a - Vec3(*b)).parts) for a, b in zip(tops, self.base, strict=True))
 
@@ -253,8 +255,10 @@ class Stewart(SpatialLinkage):
         return ()
 
     def drivers(self, law: Law) -> tuple[Driver, ...]:
-        """Return the six drivers; of the law the rate counts, as that of a phase [rad/s]."""
-        rate = float(law(0.0, 1))
+        """Return the six drivers."""
+        if not isinstance(law, Polynomial) or any(law.coefficients[2:]):
+            raise InvalidScene([Fault("law", law, "a polynomial of degree 1 at most")], "Stewart")
+        start, rate = float(law(0.0)), float(law(0.0, 1))
         ends = zip(self.base, self.platform, self.lengths(), strict=True)
         return tuple(
             SpatialDistanceDriver(
@@ -263,10 +267,10 @@ class Stewart(SpatialLinkage):
                 point_i=base,
                 body_j="platform",
                 point_j=top,
-                law=Sinusoid(amplitude=self.stroke, angular_frequency=rate, phase=float(k), offset=length),
+                law=Sinusoid(amplitude=self.stroke, angular_frequency=rate, phase=start + k, offset=length),
             )
             for k, (base, top, length) in enumerate(ends, 1)
         )
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
-        yield "platform", self.home
+        yield "platform", with_unit_length(plain(self.home))

@@ -667,10 +667,21 @@ def test_a_planar_linkage_written_as_a_spatial_scene_has_the_planar_answer(name)
 
 
 def test_a_stewart_platform_goes_with_its_six_legs():
-    motion = refkin.solve(Stewart.three_three().scene(speed=1.0, samples=13))
+    """From a phase on; the parameters of its home are scaled to length 1, as those of an estimate are."""
+    platform = Stewart.three_three()
+    motion = refkin.solve(platform.scene(speed=1.0, samples=13))
+    later = refkin.solve(platform.scene(speed=1.0, start=motion.t[1], turns=0.5, samples=7))
 
     assert motion.verdict is Status.OK
     assert np.max(motion.certified_radius.acceleration) < 1e-14
+    assert later["platform"].q == pytest.approx(motion["platform"].q[:, 1:8], abs=1e-14)
+    assert replace(platform, home=(*platform.home[:3], 2.0, 0.0, 0.0, 0.0)).lengths() == platform.lengths()
+
+
+def test_a_law_that_no_stewart_platform_goes_by_is_refused():
+    """Its rate at t = 0 was taken for all times: by this law the legs stood still, and all was ok."""
+    with pytest.raises(refkin.InvalidScene, match="Stewart: law: expected a polynomial of degree 1 at most, got Pol"):
+        Stewart.three_three().scene(law=Polynomial(coefficients=(0.0, 0.0, 1.0)), times=(0.0, 1.0))
 
 
 @pytest.mark.parametrize("name", ["RSSR", "RSSR by distance", "RSSP"])
@@ -819,6 +830,13 @@ def test_a_large_mechanism_of_space_has_fewer_starts_and_its_list_says_so(monkey
         (lambda: replace(EVERY["RSCR"], pivot=(math.nan, 0.0, 0.0)), ["RSCR: pivot: expected 3 finite numbers"]),
         (lambda: replace(EVERY["RSSP"], guide=2.0), ["RSSP: guide: expected 3 finite numbers, got 2.0"]),
         (lambda: DoubleHooke(0.5, phase=math.inf), ["DoubleHooke: phase: expected a finite number, got inf"]),
+        (lambda: DoubleHooke(0.5, parallel="no"), ["DoubleHooke: parallel: expected False or True, got 'no'"]),
+        (lambda: replace(EVERY["RSSR"], massless="no"), ["RSSR: massless: expected False or True, got 'no'"]),
+        (lambda: Hooke(0.5, form="dots"), ["Hooke: form: expected 'half' or 'dot' or 'printed', got 'dots'"]),
+        (
+            lambda: RSSRChain(None, 2.5),
+            ["RSSRChain: first: expected an RSSR", "RSSRChain: count: expected a whole number above 0, got 2.5"],
+        ),
         (
             lambda: Stewart((), ((1.0, 2.0),) * 6, ()),
             [
