@@ -175,12 +175,16 @@ def _dimension(data: dict[str, Any]) -> str:
 
 
 def _errors(data: Any) -> int:
-    """Return how many keys and types are wrong; a key that is missing says nothing of what a file is meant to be."""
+    """Return how many keys and types are wrong, all keys of what is of no type that there is.
+
+    A key that is missing says nothing of what a file is meant to be.
+    """
     try:
         _read(data)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        return sum(e["type"] != "missing" or isinstance(e["loc"][-1], int) for e in found)  # short rows count
+        wrong = [e for e in found if e["type"] != "missing" or isinstance(e["loc"][-1], int)]  # short rows count
+        return sum(len(e["input"]) if e["type"] == "union_tag_invalid" else 1 for e in wrong)
     return 0
 
 

@@ -148,6 +148,10 @@ def test_where_a_body_is_loose_nobody_is_told_to_add_drivers(tmp_path):
     assert "add drivers" not in said
 
 
+CYLINDER = (ROOT / "docs" / "scenes" / "distance-driver.toml").read_text(encoding="utf-8")
+ENDS = ("body_i", "point_i", "body_j", "point_j")
+
+
 @pytest.mark.parametrize(
     ("text", "right", "wrong", "paths"),
     [
@@ -162,6 +166,7 @@ def test_where_a_body_is_loose_nobody_is_told_to_add_drivers(tmp_path):
         (TEXT, 'body = "crank"', 'joint = "A0"', ["driver[0].body", "driver[0].joint"]),
         (SPATIAL, 'dimension = "spatial"', 'dimension = "spacial"', ["dimension"]),
         (SPATIAL, 'dimension = "spatial"', "", ["dimension"]),
+        (CYLINDER, 'type = "distance"', 'type = "x"', [f"driver[0].{key}" for key in ("body", *ENDS)]),
     ],
 )
 def test_each_fault_is_named_once_and_none_that_follows_from_another(tmp_path, text, right, wrong, paths):
