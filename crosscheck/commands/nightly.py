@@ -249,7 +249,7 @@ def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
     engines: str = ",".join((ALWAYS, *SAMPLED, *PEERS)),
-    file: Path = golden.DEFAULT,
+    file: Annotated[Path, Parameter(show_default=False)] = golden.DEFAULT,
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
 
@@ -263,9 +263,9 @@ def baseline(
     engines
         Names, separated by commas.
     file
-        The baseline.
+        The baseline; that of this checkout by default.
     """
-    installed, missing = find_engines(tuple(name.strip() for name in engines.split(",") if name.strip()))
+    installed, missing = find_engines(names(engines, always=()))
     if missing:
         print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
         return ENGINE_MISSING

@@ -193,7 +193,10 @@ NONSENSE = {
         ("schema.toml", "schema.toml: "),
         ("no.toml", "no.toml: "),
     ],
-    "baseline": [("--engines closed_form --file b.json", "crosscheck baseline --accept makes one")],
+    "baseline": [
+        ("--engines closed_form --file b.json", "crosscheck baseline --accept makes one"),
+        ("--engines nobody", "no engine is called 'nobody'; there are: closed_form, "),
+    ],
 }
 
 

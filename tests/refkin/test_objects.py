@@ -248,6 +248,9 @@ ASKED = {
     "value: expected a finite number [rad, or m], got 'a'": lambda: BARS.plot("a"),
     "value: expected a finite number [rad], got 'a'": lambda: Hooke(beta=0.5).assemble("a"),
     "FourBar: crank: expected a length above 0 [m], got -1.0": lambda: refkin.FourBar(4.0, np.float64(-1.0), 3.5, 3.0),
+    "FourBar: crank: expected a length above 0 [m], got np.float32(inf)": lambda: refkin.FourBar(
+        4.0, np.float32(math.inf), 3.5, 3.0
+    ),
     "mechanism: body[0].estimate: expected 3 numbers, not 2, got [0.0, 0.5]": lambda: refkin.Mechanism(
         (refkin.Body(name="crank", estimate=(*np.array([0.0, 0.5]),)),), mechanism().joints, mechanism().drivers
     ),

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import cmath
 import math
-import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
 from numbers import Real
@@ -20,7 +19,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, PLANE, SPACE, AngleDriver, Constraint, Driver, Pair
-from refkin.joints.annotations import check, finite_faults, plain, type_faults
+from refkin.joints.annotations import check, finite_faults, is_real, plain, type_faults
 from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
@@ -32,7 +31,6 @@ Pose = dict[str, tuple[float, float, float]]
 AnyPose = TypeVar("AnyPose", bound=tuple[float, ...])
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
-LARGEST = sys.float_info.max
 CLOSED_FORM = Route(name="closed form", residual_by="closed form")
 AMember = TypeVar("AMember", bound=Member)
 
@@ -428,4 +426,4 @@ def _law_faults(law: Any) -> list[Fault]:
 
 def is_finite(value: object) -> bool:
     """Return whether a value is a number that float64 holds."""
-    return isinstance(value, Real) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST  # type: ignore[operator]
+    return isinstance(value, Real) and not isinstance(value, bool) and is_real(value) and math.isfinite(value)
