@@ -27,8 +27,8 @@ from refkin.output import Drawing, Picture
 from refkin.scenes import MOST_TIMES
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
 
-Pose = dict[str, tuple[float, float, float]]
 AnyPose = TypeVar("AnyPose", bound=tuple[float, ...])
+Pose = dict[str, tuple[float, float, float]]
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
 CLOSED_FORM = Route(name="closed form", residual_by="closed form")
