@@ -34,7 +34,7 @@ from refkin.joints import (
     XDriver,
     YDriver,
 )
-from refkin.model import Body, Mechanism, Point, Scene
+from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
@@ -76,7 +76,7 @@ def _scene(poses: dict[str, tuple[float, float, float]], *joints: Constraint, dr
 
 def _joints() -> Iterator[Question]:
     crank = {"crank": (0.21, 0.45, 1.13)}
-    along = (0.6, 0.8)
+    along = (0.3, 0.4)
     yield Question("revolute", FOUR_BAR.scene(law=WAVE, times=TIMES))
     yield Question("prismatic", SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=WAVE, times=TIMES))
     slot = Prismatic(name="slot", **ends("lever", (0.0, 0.3), "block", (0.1, 0.0)), axis_i=(1.0, 0.2), angle=0.4)
@@ -106,18 +106,18 @@ def _joints() -> Iterator[Question]:
     teeth = ends("rack", (0.1, 0.0), "crank", (-0.5, 0.0))
     rack = RackAndPinion(name="teeth", **teeth, axis_i=along, radius=0.7, phi0=0.3, s0=0.2)
     yield Question("rack_and_pinion", _scene({**crank, "rack": (-1.2, -0.21, 0.2)}, CRANK, rack_guide, rack))
-    lift = Prismatic(name="guide", **ends(GROUND, (0.2, 0.0), "follower"), axis_i=(0.0, 1.0))
+    lift = Prismatic(name="guide", **ends(GROUND, (0.2, 0.0), "follower"), axis_i=(0.0, 1.0), angle=0.3)
     for about, cam, height in _cams():
-        yield Question(about, _scene({**crank, "follower": (0.2, height, 0.0)}, CRANK, lift, cam))
+        yield Question(about, _scene({**crank, "follower": (0.2, height, 0.3)}, CRANK, lift, cam))
 
 
 def _cams() -> Iterator[tuple[str, Cam, float]]:
     """Yield each follower on a disc off its pivot, and on a profile of its own, and how high it is at first [m]."""
     law = Sinusoid(offset=1.0, amplitude=0.1, angular_frequency=1.0)
-    disc = {"name": "cam", **ends("crank", (-0.3, 0.1), "follower"), "profile": Disc(radius=1.1)}
-    general = {"name": "cam", **ends("crank", (-0.5, 0.0), "follower"), "profile": Polar(law=law)}
-    for name, shape, heights in (("disc", disc, (1.32, 1.3, 1.58)), ("profile", general, (1.05, 1.0, 1.26))):
-        yield f"cam: flat on a {name}", Cam(**shape, follower="flat", normal_j=(0.0, 1.0)), heights[0]
+    disc = {"name": "cam", **ends("crank", (-0.3, 0.1), "follower", (0.1, -0.2)), "profile": Disc(radius=1.1)}
+    general = {"name": "cam", **ends("crank", (-0.5, 0.0), "follower", (0.1, -0.2)), "profile": Polar(law=law)}
+    for name, shape, heights in (("disc", disc, (1.49, 1.42, 1.69)), ("profile", general, (1.22, 1.1, 1.38))):
+        yield f"cam: flat on a {name}", Cam(**shape, follower="flat", normal_j=(0.5, 1.75)), heights[0]
         yield f"cam: point on a {name}", Cam(**shape, follower="point"), heights[1]
         yield f"cam: roller on a {name}", Cam(**shape, follower="roller", roller_radius=0.25), heights[2]
 
@@ -137,11 +137,10 @@ def _drivers_and_laws() -> Iterator[Question]:
     by_x, by_y = XDriver(name="x", **held), YDriver(name="y", **held)
     yield Question("x of a point driven", _scene({"crank": (0.16, 0.47, 1.25)}, CRANK, driver=by_x))
     yield Question("y of a point driven", _scene({"crank": (0.5, 0.06, 0.12)}, CRANK, driver=by_y))
-    argument = np.linspace(-1.0, 3.0, 9)
-    table = Table(argument=tuple(argument.tolist()), value=tuple(np.sin(argument).tolist()))
     laws: dict[str, Any] = {
         "polynomial": Polynomial(coefficients=(0.3, 1.1, -0.4, 0.2)),
-        "table": table,
+        "table": Table(argument=(-1.0, -0.3, 0.5, 0.8, 1.1, 3.0), value=(0.2, 0.4, 0.7, 1.1, 1.0, 0.9)),
+        "periodic table": Table(argument=(0.0, 0.3, 0.5, 0.9), value=(0.4, 0.7, 0.6, 0.4), periodic=True),
         "rate": Integral(rate=WAVE, initial=0.3),
     }
     for name, law in laws.items():
@@ -162,6 +161,8 @@ def _ways_to_say_it() -> Iterator[Question]:
     beside = tuple(replace(j, point_j=(j.point_j[0], 0.4)) if j.body_j == "rocker" else j for j in pins)
     yield Question("a frame beside its joints", replace(plain, mechanism=replace(m, joints=beside)))
     yield Question("positions alone", replace(plain, effects=frozenset()))
+    yield Question("velocities alone", replace(plain, effects=frozenset({Effect.VELOCITY})))
+    yield Question("accelerations alone", replace(plain, effects=frozenset({Effect.ACCELERATION})))
     yield Question("some of the bodies", replace(plain, bodies_wanted=("rocker",)))
     at = {"P": ("coupler", (1.3, -0.7)), "Q": ("rocker", (0.4, 0.9))}
     points = tuple(Point(name=name, body=body, position=place) for name, (body, place) in at.items())

@@ -9,6 +9,7 @@ from typing import Any
 from crosscheck.scenes.hard_case import ends
 from refkin.joints import (
     GROUND,
+    SPACE,
     Constraint,
     Cylindrical,
     DisplacementDriver,
@@ -26,7 +27,8 @@ from refkin.joints import (
     SpatialRevolute,
     Spherical,
 )
-from refkin.model import Body, Mechanism, Point, Scene
+from refkin.joints.spatial_vectors import Quaternion, Vec3, turned
+from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
@@ -39,6 +41,9 @@ LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, massless=True, **ROCKER)
 FRAME: Any = {"axis_j": Z, "zero_j": X}
 ASKEW: Any = {"axis_i": (0.25, 0.1, 1.0), "zero_i": X, **FRAME}
 """A line askew in the ground, and the z axis of a body."""
+ORIGIN, TURN, LONGER = (0.1, -0.2, 0.15), Quaternion.of(6 / 7, 2 / 7, 3 / 7, 0.0), 2.0
+"""Of the frames in which joints are asked about: where they are in the plain ones [m], how they are turned in these,
+and how many times as long directions are in them."""
 HINGE = SpatialRevolute(name="R1", body_i=GROUND, point_i=AT, body_j="crank", point_j=(-0.5, 0.0, 0.0), **ASKEW)
 UPRIGHT = replace(HINGE, axis_i=Z)
 CRANK = (0.2, 0.45, -0.1, 0.84, 0.02, 0.13, 0.53)
@@ -50,14 +55,43 @@ def spatial_scenes(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene, St
 
     The law is that of the driven angle, from about 1.1 rad on.
     """
-    asked = (*_joints(law, times), *_driven(law, times), *_loops(law, times))
-    yield from ((f"space: {about}", scene, Status.OK) for about, scene in asked)
+    asked = ((about, _in_other_frames(scene)) for about, scene in (*_joints(law, times), *_driven(law, times)))
+    yield from ((f"space: {about}", scene, Status.OK) for about, scene in (*asked, *_loops(law, times)))
     link: Any = LOOP.scene(law=law, times=times)
     joints = tuple(replace(j, length=9.0) if j.name == "L" else j for j in link.mechanism.joints)
     apart = replace(link, mechanism=replace(link.mechanism, joints=joints))
     beyond = _boom(Polynomial(coefficients=(1.2, 0.2)), (0.0, 1.0, 2.0, 7.0))
     yield "space: parts that do not meet", apart, Status.UNASSEMBLABLE
     yield "space: driven beyond its limit", beyond, Status.UNASSEMBLABLE
+
+
+def _in_other_frames(scene: Scene) -> Scene:
+    """Return a scene with the frames of its bodies moved and turned, and axes and zeros in them made longer.
+
+    Plain numbers are half unit vectors and half zeros, of which an engine may take one for granted.
+    """
+
+    def anew(constraint: Any) -> Any:
+        ends = [end for end in "ij" if getattr(constraint, f"body_{end}", GROUND) != GROUND]
+        keys = (f"{key}_{end}" for key in ("point", "axis", "zero") for end in ends)
+        given = {key: u for key in keys if (u := getattr(constraint, key, None)) is not None}
+        return replace(constraint, **{key: _in_frame(u, key.startswith("point")) for key, u in given.items()})
+
+    def moved(body: Body) -> Body:
+        assert body.estimate is not None
+        at = SPACE.values(*body.estimate)
+        r = at.r + at.arm(*ORIGIN).at
+        return replace(body, estimate=(*r.parts, *at.p.times(TURN).parts))
+
+    m = scene.mechanism
+    bodies, joints, drivers = map(moved, m.bodies), map(anew, m.joints), map(anew, m.drivers)
+    return replace(scene, mechanism=Mechanism(tuple(bodies), tuple(joints), tuple(drivers)))
+
+
+def _in_frame(u: tuple[float, ...], point: bool) -> tuple[float, ...]:
+    """Return a point or a direction of a body's frame in the one that is moved and turned."""
+    v = Vec3(*u) - Vec3(*ORIGIN) if point else Vec3(*u) * LONGER
+    return turned(TURN.conj(), v)[2].parts
 
 
 def _scene(
@@ -96,21 +130,23 @@ def _joints(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "point_on_plane", _scene(times, poses, (UPRIGHT, ball, level, wall), motor)
     keel = Perpendicular(name="keel", body_i=GROUND, axis_i=Z, body_j="rod", axis_j=Y)
     rail = SpatialPointOnLine(name="rail", **tip, axis_i=(1.0, 0.1, 0.2))
+    poses["rod"] = (0.52, 0.89, 0.03, 0.98, -0.01, -0.16, -0.08)
     yield "point_on_line", _scene(times, poses, (UPRIGHT, ball, keel, rail), motor)
 
 
 def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
-    joint = {"name": "J", **ends(GROUND, AT, "nut", (0.1, 0.0, 0.0)), **ASKEW}
-    poses = {"nut": (0.05, -0.05, 0.4, 0.84, 0.02, 0.13, 0.53)}
+    joint = {"name": "J", **ends(GROUND, (0.2, -0.1, 0.3), "nut", (0.1, 0.0, 0.0)), **ASKEW}
+    poses = {"nut": (0.25, -0.15, 0.7, 0.84, 0.02, 0.13, 0.53)}
     turn = SpatialAngleDriver(name=MOTOR, joint="J", law=law)
     lift = Sinusoid(amplitude=0.1, angular_frequency=1.3, phase=0.4, offset=0.35)
     shift = DisplacementDriver(name="lift", joint="J", law=lift)
     screw = Screw(**joint, pitch=0.125, shift=0.25)
     yield "screw", _scene(times, poses, (screw,), turn)
-    yield "screw, its shift driven", _scene(times, poses, (screw,), shift)
+    left_handed = {"nut": (0.25, 0.03, 0.68, 0.84, -0.11, 0.08, -0.53)}
+    yield "screw, left-handed, its shift driven", _scene(times, left_handed, (replace(screw, pitch=-0.125),), shift)
     sleeve, slide = Cylindrical(**joint), SpatialPrismatic(**joint)
     yield "cylindrical, both its motions driven", _scene(times, poses, (sleeve,), turn, shift)
-    yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
+    yield "displacement driven", _scene(times, {"nut": (0.2, -0.06, 0.7, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
     yield from _geared(law, times)
     yield "distance driven", _boom(replace(lift, offset=1.2), times)
     yield "six distances driven", Stewart.three_three().scene(speed=law(0.0, 1), times=times)
@@ -165,3 +201,4 @@ def _loops(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     small = replace(LOOP, crank=1e-3, coupler=3e-3, rocker=2e-3, pivot=(2.5e-3, -5e-4, 7.5e-4))
     yield "millimetres", small.scene(law=law, times=times)
     yield "positions alone", replace(plain, effects=frozenset())
+    yield "accelerations alone", replace(plain, effects=frozenset({Effect.ACCELERATION}))

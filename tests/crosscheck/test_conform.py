@@ -116,6 +116,48 @@ def test_an_engine_with_one_wrong_joint_is_told_which(kind, tmp_path):
     assert "2 of 2 questions answered, 0 refused, 1 wrong" in said
 
 
+LONG = "np.linalg.norm(j.{})"
+FRAME = {"axis_j": "(0.0, 0.0, 1.0)", "zero_j": "(1.0, 0.0, 0.0)"}
+AS_LONG = {"s0": f"j.s0 / {LONG.format('axis_i')}", "radius": f"j.radius / {LONG.format('axis_i')}"}
+DISC = f"replace(j.profile, radius=j.profile.radius / {LONG.format('normal_j')})"
+GRANTED = {
+    "cam: point on a profile": changed("cam", point_j="(0.0, 0.0)"),
+    "cam: flat on a profile": changed("cam", normal_j="(0.0, 1.0)"),
+    "cam: flat on a disc": changed("cam", profile=DISC),
+    "rack_and_pinion": changed("rack_and_pinion", **AS_LONG),
+    "law: table": changed("angle", law="replace(j.law, argument=tuple(np.linspace(-1.0, 3.0, 6).tolist()))"),
+    "law: periodic table": changed("angle", law="replace(j.law, argument=(0.0, 0.3, 0.5, 1.3), periodic=False)"),
+    "space: revolute": changed("revolute", **FRAME),
+    "space: prismatic": changed("prismatic", **FRAME),
+    "space: cylindrical": changed("cylindrical", **FRAME),
+    "space: fixed": changed("fixed", **FRAME),
+    "space: screw": changed("screw", point_i="(0.0, 0.0, 0.0)"),
+    "space: screw, left-handed, its shift driven": changed("screw", pitch="abs(j.pitch)"),
+    "space: universal": changed("universal", axis_i="(1.0, 0.0, 0.0)", axis_j="(0.0, 1.0, 0.0)"),
+    "space: perpendicular": changed("perpendicular", axis_i="(1.0, 0.0, 0.0)", axis_j="(0.0, 1.0, 0.0)"),
+    "space: parallel": changed("universal", point_i="(0.0, 0.0, 0.0)", point_j="(0.0, 0.0, 0.0)"),
+}
+"""What an engine may take for granted: numbers of plain scenes are zeros and unit vectors."""
+
+
+@pytest.mark.parametrize("about", GRANTED)
+def test_an_engine_that_takes_for_granted_what_plain_scenes_have_is_told(about, tmp_path):
+    (fault,) = ask(load(engine_file(tmp_path, before=GRANTED[about])), ASKED[about]).faults
+
+    assert fault.what.split(" (")[0] in ("position is wrong", "no answer")  # and no error
+
+
+@pytest.mark.parametrize("rate", ["velocity", "acceleration"])
+def test_an_engine_that_gives_a_rate_right_beside_the_other_alone_is_told(rate, tmp_path):
+    """No drawn scene asks for one of them."""
+    level = {"velocity": "qd", "acceleration": "qdd"}[rate]
+    alone = f"motion = motion if len(scene.effects) > 1 or motion.{level} is None else"
+    spec = engine_file(tmp_path, after=f"{alone} replace(motion, {level}=motion.{level} + 1e-3)")
+    names = [about for about in ASKED if about.endswith("s alone")]
+
+    assert f"WRONG: {rate} is wrong" in told(spec, *names)
+
+
 @pytest.mark.parametrize(
     ("after", "said"),
     [
