@@ -20,7 +20,7 @@ from crosscheck.measure.check import check, permuted
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
-from crosscheck.scenes.names import called, called_for, order_of
+from crosscheck.scenes.names import called, order_of
 from crosscheck.workers.processes import Failure, FailureKind, call_in_turn, preload
 from refkin.joints.spatial_bodies import UnitLength
 from refkin.model import Scene
@@ -104,18 +104,19 @@ def _asked_again(engine: Engine, scene: Scene, answered: Collection[str]) -> Ite
         again = f"where its model is asked again (method {method.called!r})"
         try:
             model = method.model(copied(scene))
-            for order in (method.highest, 0, min(order_of(scene), method.highest)):
-                levels = called_for(scene, model.read(model.solve(order))[: order + 1])
-            motion = motion_of(scene.times, bodies, levels, method.producer)
+            orders = method.highest, 0, min(order_of(scene), method.highest)
+            answers = ((model.read(model.solve(order)), order) for order in orders)
+            motions = [copied(motion_of(scene.times, bodies, q[: order + 1], method.producer)) for q, order in answers]
         except EngineError as error:
             yield LevelFault(STATUS, f"no answer {again}", str(error))
             continue
-        terms, _ = granted(method.engine, scene, method.terms(scene))
+        terms = [term for term in granted(method.engine, scene, method.terms(scene))[0] if term.level in QUANTITIES]
         assert ref is not None
-        compared = compare(ref, motion, [term for term in terms if term.level in QUANTITIES])
-        if compared.missing:
-            yield LevelFault(STATUS, f"no answer {again}", f"{compared.missing} times")
-        wrong = [(name, one.ratio) for name, one in compared.quantities.items() if not one.agrees]
+        each = [compare(ref, motion, terms) for motion in motions]
+        missing = [one.missing for one in each if one.missing]
+        if missing:
+            yield LevelFault(STATUS, f"no answer {again}", f"{missing[0]} times")
+        wrong = [(name, q.ratio) for one in each for name, q in one.quantities.items() if not q.agrees]
         for name, ratio in wrong[:1]:  # the others follow from it
             yield LevelFault(name, f"{name} is wrong {again}", f"{np.max(ratio):.3g} times the allowed error")
 
@@ -150,9 +151,17 @@ def _asked() -> dict[str, Question]:
     return {question.about: question for question in questions()}
 
 
+@lru_cache(maxsize=1)
+def _loaded(spec: str) -> Engine:
+    return load(spec)
+
+
 def reply(job: tuple[str, str]) -> Reply:
-    """Return what came of one question (engine as `load` takes it, what it is about), in a process of its own."""
-    return ask(load(job[0]), _asked()[job[1]])
+    """Return what came of one question (engine as `load` takes it, what it is about), in a process of the engine's own.
+
+    All questions go to one engine: what it keeps of a scene shows in its answer to the next.
+    """
+    return ask(_loaded(job[0]), _asked()[job[1]])
 
 
 preload(__name__)

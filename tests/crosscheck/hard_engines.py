@@ -83,19 +83,19 @@ class Claims(Right):
 
 
 class Stale(Right):
-    """Has a model that is right once, and from then on off by 1e-3."""
+    """Has a model that is off by so much when it is asked first, then by so much; from then on it is right."""
 
     kept = MappingProxyType({ROUTE: ""})
 
-    def __init__(self, then: float = 1e-3) -> None:
-        self.then = then
+    def __init__(self, *off: float) -> None:
+        self.off = off
 
     def model(self, scene, route=None):
-        calls = iter([0.0])
+        calls = iter(self.off)
 
         def solve(scene) -> Motion:
             motion = self.solve(scene)
-            return replace(motion, q=motion.q + next(calls, self.then))
+            return replace(motion, q=motion.q + next(calls, 0.0))
 
         return SimpleNamespace(solve=solve)
 

@@ -296,9 +296,23 @@ def test_an_engine_that_hangs_again_and_again_is_asked_no_more(tmp_path, monkeyp
     assert gear.refusals == ("it was not asked: it hung at 1 questions",)
 
 
-def test_a_model_is_asked_again_because_such_a_one_is_priced():
-    (fault,) = ask(Stale(), ASKED["revolute"]).faults
-    (lost,) = ask(Stale(np.nan), ASKED["revolute"]).faults
+def test_an_engine_that_answers_a_scene_as_the_one_before_it_is_told(tmp_path, monkeypatch):
+    """Each question was asked of an engine that was made anew: what one keeps of a scene was never seen."""
+    asked = ("law: polynomial", "law: rate")
+    monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {k: ASKED[k] for k in asked})
+    kept = "scene = replace(self.__dict__.setdefault(str(len(scene.times)), scene), effects=scene.effects)"
+    first, second = replies(engine_file(tmp_path, before=kept))
+
+    assert first.faults == ()
+    assert second.faults[0].what == "position is wrong (method 'made up')"
+
+
+@pytest.mark.parametrize("before", range(3))
+def test_a_model_is_asked_again_because_such_a_one_is_priced(before):
+    """Its third answer alone was looked at: positions alone, and what it is asked first, could be anything."""
+    right = (0.0,) * before
+    (fault,) = ask(Stale(*right, 1e-3), ASKED["revolute"]).faults
+    (lost,) = ask(Stale(*right, np.nan), ASKED["revolute"]).faults
 
     assert lost.what == "no answer where its model is asked again (method 'planted')"
     assert fault.what == "position is wrong where its model is asked again (method 'planted')"
@@ -317,7 +331,7 @@ def test_a_model_that_cannot_be_built_or_asked_again_gives_no_answer(asked_first
 
         return SimpleNamespace(solve=solve)
 
-    engine = Stale(0.0)
+    engine = Stale()
     engine.model = refusing
     (fault,) = ask(engine, ASKED["revolute"]).faults
 
