@@ -128,6 +128,9 @@ def march(
         while k < len(t):
             if last is None:
                 pose = start(t[k]) if callable(start) else close(equations, start[None], t[k : k + 1])
+                if pose.known[0] and not pose.regular[0]:  # nothing says which branch goes on from there
+                    path += [pose, *(nowhere(pose, later) for later in t[k + 1 :].tolist())]
+                    break
             else:
                 if together and ahead is None and halvings == HALVINGS and len(t) - k >= FEW:
                     (ahead, kept), origin = _all_at_once(equations, last, t[k:], turns), k

@@ -183,6 +183,13 @@ def test_nothing_is_predicted_from_a_singular_pose() -> None:
     assert run(toy, [0.0, 2.0]).status == (OK, LOST)
 
 
+def test_from_a_first_pose_that_is_singular_nothing_goes_on() -> None:
+    """x^2 = t: Newton from the estimate would take one of the two branches, and exudyn was blamed for the other."""
+    toy = Toy([0.1], lambda q, t: [q[0] ** 2 - t], lambda q, t: [[2.0 * q[0]]], lambda t: [1.0])
+
+    assert run(toy, [0.0, 0.5, 1.0]).status == (SINGULAR, LOST, LOST)
+
+
 def tracked(toy: Toy) -> Toy:
     toy.rate = lambda t: [0.1 * 10.0 * t]  # (x - 5 t^2) * 10 t with x - 5 t^2 = +0.1: the velocity of the upper branch
     return toy
