@@ -70,8 +70,8 @@ CONFIGURATIONS, WITH_ROWS = 1, 4
 """Configurations per scene at which an engine's own rows are compared: a night sees more of them in another scene. Of
 scenes that it knows well, with the same joints and laws at other lengths, it compares them in one of so many."""
 TURNED_ROUND = 4
-"""One scene in this many is solved once more with the bodies in another order, at the first of so many parts of its
-times."""
+"""One scene in this many is solved once more, stated otherwise, at the first of so many parts of its times."""
+DIRECTIONS = ("axis_i", "axis_j", "zero_i", "zero_j", "normal_j")
 NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), None)
 SHARPNESS = 16
 """Of one scene in this many it is measured how sharp the budgets are."""
@@ -159,9 +159,9 @@ class _Subject:
 
     @cached_property
     def turned_round(self) -> Scene:
-        """The scene with its bodies, joints and drivers reversed, at the first quarter of its times."""
+        """The scene stated otherwise (`restated`), at the first quarter of its times."""
         few = self.scene.times[: math.ceil(len(self.scene.times) / TURNED_ROUND)]
-        return permuted(replace(self.scene, times=few))
+        return restated(replace(self.scene, times=few))
 
     def changed(self) -> bool:
         """Whether an engine has changed the scene that it was handed; what comes after it is handed another.
@@ -311,7 +311,7 @@ class _Told:
 def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
     """Return what a method answers, as it is then: an engine may write over what it has handed out.
 
-    It is asked again for the first quarter of the times: what depends on the order of bodies does so at any time, and
+    It is asked again for the first quarter of the times: what depends on how a scene is stated does so at any time, and
     times that are as near as ever take no more steps than before.
     """
     try:
@@ -403,7 +403,7 @@ def _beyond(
 
 
 def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
-    """Return the comparison of a method's answer to the same scene with its bodies, joints and drivers reversed."""
+    """Return the comparison of a method's answer to the same scene stated otherwise (`restated`)."""
     ref, fewer = subject.ref, subject.turned_round
     if motion is None or any(misshapen(fewer, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
@@ -463,7 +463,15 @@ def _of_other_forms(engine: Engine, scene: Scene, form: str) -> list[RefusalRow]
     return [RefusalRow(engine=engine.name, joint=c.type, name=c.name, **why) for c in others]
 
 
-def permuted(scene: Scene) -> Scene:
-    """Return the same scene with its bodies, joints and drivers in reverse order."""
+def restated(scene: Scene) -> Scene:
+    """Return the same scene with bodies, joints and drivers in reverse order, and directions of other lengths."""
     m = scene.mechanism
-    return replace(scene, mechanism=Mechanism(m.bodies[::-1], m.joints[::-1], m.drivers[::-1]))
+    joints, drivers = (tuple(map(_stretched, some[::-1])) for some in (m.joints, m.drivers))
+    return replace(scene, mechanism=Mechanism(m.bodies[::-1], joints, drivers))
+
+
+def _stretched(constraint: Any) -> Any:
+    """Return a joint or driver with its directions twice or half as long, which changes no digit of a unit vector."""
+    given = {key: u for key in DIRECTIONS if (u := getattr(constraint, key, None)) is not None}
+    factors = {key: 2.0 if max(map(abs, u)) < 1.0 else 0.5 for key, u in given.items()}
+    return replace(constraint, **{key: tuple(factors[key] * x for x in u) for key, u in given.items()})

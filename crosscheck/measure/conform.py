@@ -16,7 +16,7 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.known_gaps import BAD, HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
-from crosscheck.measure.check import check, permuted
+from crosscheck.measure.check import check, restated
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
@@ -69,7 +69,7 @@ class Reply:
 
 
 def ask(engine: Engine, question: Question) -> Reply:
-    """Ask an engine one question, also with bodies, joints and drivers in reverse order.
+    """Ask an engine one question, also with the scene stated otherwise.
 
     For a test of an engine of your own: `assert not ask(MyEngine(), question).faults`, for each of `questions()`.
     """
@@ -81,7 +81,7 @@ def ask(engine: Engine, question: Question) -> Reply:
     record = check(question.scene, [engine], about)
     faults = list(_faults_of(record, question.scene))
     if not faults and (record.answers or record.levels):
-        again = check(permuted(question.scene), [engine], about)
+        again = check(restated(question.scene), [engine], about)
         reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
         faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
     if not faults and record.answers:

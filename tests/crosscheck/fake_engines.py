@@ -21,7 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 import numpy as np
 import refkin
-from crosscheck.measure.check import key_of, permuted
+from crosscheck.measure.check import key_of, restated
 from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level
 from refkin.motion import Producer, Route, Seeding, Status
 

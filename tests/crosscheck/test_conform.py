@@ -205,7 +205,7 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
     ordered = "motion = motion if scene.mechanism.bodies[0].name == 'crank' else replace(motion, q=motion.q + 1e-9)"
     said = told(engine_file(tmp_path, after=ordered), "revolute", "law: table", "law: polynomial")
 
-    assert "position depends on the order of bodies (method 'made up')" in said
+    assert "position depends on how a scene is stated (method 'made up')" in said
     assert "3 wrong" in said
 
 

@@ -18,7 +18,7 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import NARROWED, _falls, _minima, _narrowed, _within, singular_between
 from crosscheck.judge.records import Cause
 from crosscheck.measure import check as checking
-from crosscheck.measure.check import REGULAR, check, permuted
+from crosscheck.measure.check import REGULAR, check, restated
 from refkin import FourBar, Polynomial
 from refkin.motion import Status
 from tests.places import CORPUS
@@ -121,7 +121,7 @@ def test_a_pose_excuses_up_to_a_ten_thousandth_of_sigma_min(longer, sigma, blame
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_full_turns_of_a_constant_angle_do_not_round_what_hangs_on_it(engine, monkeypatch):
-    turned, right = permuted(TURNED), reference(TURNED).motion
+    turned, right = restated(TURNED), reference(TURNED).motion
 
     def off():
         motion = load(engine).solve(turned)

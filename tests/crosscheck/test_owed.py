@@ -327,10 +327,10 @@ def test_an_answer_in_another_order_that_has_no_shape_is_one_that_depends_on_the
     first = SCENE.mechanism.bodies[0].name
     engine = Wrapped(lambda motion: motion if motion.bodies[0] == first else replace(motion, q=motion.q.T))
 
-    assert {kind for _, kind in found(engine, turned_round(SCENE, True))} == {"depends on the order of bodies"}
+    assert {kind for _, kind in found(engine, turned_round(SCENE, True))} == {"depends on how a scene is stated"}
     assert found(engine, turned_round(SCENE, False)) == set()
     by_itself = check(turned_round(SCENE, False), [engine], arbiter=True)  # what a shorter scene showed is shown again
-    assert {d.kind for d in by_itself.disagreements} == {"depends on the order of bodies"}
+    assert {d.kind for d in by_itself.disagreements} == {"depends on how a scene is stated"}
 
 
 def felt(method, scene):

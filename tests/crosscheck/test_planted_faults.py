@@ -202,7 +202,7 @@ def test_a_swapped_branch_is_told_as_one(name):
 @pytest.mark.parametrize(
     ("spoil", "quantity", "kind"),
     [
-        ("levels[0][0] += 1e-9 * (bodies[0] == 'rocker')", "position", "depends on the order of bodies"),
+        ("levels[0][0] += 1e-9 * (bodies[0] == 'rocker')", "position", "depends on how a scene is stated"),
         ("levels[1][2, 1] = np.nan", "velocity", "status ok without a number"),
     ],
 )

@@ -26,7 +26,7 @@ from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.violations import violations
-from crosscheck.measure.check import check, permuted
+from crosscheck.measure.check import check, restated
 from refkin.joints import GROUND, SpatialFixed, Spherical
 from refkin.model import Scene
 from refkin.motion import Status
@@ -125,7 +125,7 @@ def test_a_pose_with_more_residual_than_its_distance_from_a_fold_bears_is_singul
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_a_correction_is_the_last_if_it_is_small_not_if_it_was_to_be(engine: str) -> None:
     """Planted: what quadratic convergence foretells of the next correction ended Newton, whatever came."""
-    scene = permuted(refkin.load(CORPUS / "space-stopped-a-correction-early.toml"))
+    scene = restated(refkin.load(CORPUS / "space-stopped-a-correction-early.toml"))
     compared = compare(reference(scene), load(engine).solve(scene))
     assert max(np.max(q.ratio) for q in compared.quantities.values()) < 0.2
 

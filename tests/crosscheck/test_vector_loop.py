@@ -14,7 +14,7 @@ from crosscheck.documents import loops
 from crosscheck.engines import EngineError, Level, Support, vector_loop
 from crosscheck.engines.vector_loop.engine import Reading, VectorLoop
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.measure.check import permuted
+from crosscheck.measure.check import restated
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin.joints import GROUND, AngleDriver, Prismatic
 from refkin.model import Body, Mechanism, Scene
@@ -62,7 +62,7 @@ def test_scenes_near_singular_poses_agree_as_far_as_they_are_judged(drawn):
 @settings(max_examples=15)
 @given(drawn=drawn_scenes(samples=4))
 def test_the_order_of_bodies_and_joints_does_not_matter(drawn):
-    assert found_wrong(permuted(drawn.scene)) == []
+    assert found_wrong(restated(drawn.scene)) == []
 
 
 @settings(max_examples=20)

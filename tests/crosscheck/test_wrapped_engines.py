@@ -195,6 +195,13 @@ def every_other(motion: Motion, scene: Scene) -> Motion:
     return replace(motion, t=motion.t[::2], status=motion.status[::2], **levels)
 
 
+def unit_vectors(motion: Motion, scene: Scene) -> Motion:
+    """Directions are taken to have length 1."""
+    given = [getattr(joint, key, None) for joint in scene.mechanism.joints for key in checking.DIRECTIONS]
+    off = [abs(math.hypot(*u) - 1.0) for u in given if u is not None]
+    return replace(motion, q=motion.q * (1.0 + 1e-3 * round(max(off, default=0.0), 9)))
+
+
 def evenly(motion: Motion, scene: Scene) -> Motion:
     """Times are taken to be evenly apart."""
     times = tuple(np.linspace(scene.times[0], scene.times[-1], len(scene.times)))
@@ -248,6 +255,7 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     "the sign of one acceleration": (near_limits, "beyond the allowed error"),
     "ok where there is nothing": (believing, "ok where there is no assembly"),
     "no answer at a regular time": (giving_up, "no answer"),
+    "directions of other lengths taken for unit vectors": (unit_vectors, "depends on how a scene is stated"),
     "times of its own": (lambda motion, scene: replace(motion, t=motion.t + 1e-3), "not delivered"),
     "times of which it knows the first and the last": (evenly, "beyond the allowed error"),
     "half of the times": (every_other, "not delivered"),
