@@ -255,7 +255,7 @@ def test_two_nights_can_be_added_at_once(tmp_path: Path) -> None:
     """A writer waits for the other's transaction instead of failing."""
     path = tmp_path / "h.sqlite"
     append(path, night(tmp_path / "run", 1))
-    with sqlite3.connect(path) as other:
+    with closing(sqlite3.connect(path)) as other, other:
         other.execute("SELECT * FROM night").fetchall()
         append(path, night(tmp_path / "run", 2))
 
