@@ -76,7 +76,7 @@ def attempt(scene: Scene | Prepared) -> Motion | None:
 
     A scene that is solved again and again may be `prepared` once.
     """
-    ready = scene if scene is None or isinstance(scene, Prepared) else prepared(scene)
+    ready = scene if isinstance(scene, Prepared) else prepared(scene)
     with np.errstate(all="ignore"):  # what runs away is in doubt, and says so
         return None if ready is None else _Task(ready).motion()
 

@@ -152,7 +152,7 @@ def _compiled(evidence: frozenset[Evidence], scene: Scene, *, anew: bool = True)
         return prepared(replace(plain, effects=ORDERS[order]))
 
     def solve(order: int) -> Any:
-        answer = attempt(made(order))
+        answer = None if (again := made(order)) is None else attempt(again)
         if answer is None:
             raise EngineError("the compiled path leaves this scene to refkin.solve")
         return answer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -181,9 +182,10 @@ def test_what_it_does_not_take_is_refused_by_what_it_is():
         solve_large(twice)
     with pytest.raises(RefkinError, match="bodies are spatial"):
         solve_large(refkin.load(ROOT / "examples/rssr.toml"))
-    for one in (solve_large, sweep, attempt, program_of):
-        with pytest.raises(TypeError, match="scene: expected a Scene, got a FourBar"):
-            one(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0))
+    bars = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    for one, given in product((solve_large, sweep, attempt, program_of), (bars, None)):
+        with pytest.raises(TypeError, match=f"scene: expected a Scene, got a {type(given).__name__}"):
+            one(given)
 
 
 def test_a_body_without_estimate_is_refused_by_name():
