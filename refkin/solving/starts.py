@@ -225,8 +225,8 @@ def _contradicted(system: System, found: NewtonResult, t: float) -> float:
 
 
 def unassemblable(system: System, search: Assemblies) -> str:
-    """Return the proof in words, with the gap in metres where it is a length."""
-    return f"{search.message} (gap at least {search.gap:.3g} of the size {system.unit.size:g} m)"
+    """Return the proof in words, with the gap: of lengths in sizes of the mechanism, of angles in rad."""
+    return f"{search.message} (gap at least {search.gap:.3g}, in sizes of {system.unit.size:g} m or rad)"
 
 
 def _choice(

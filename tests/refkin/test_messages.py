@@ -121,7 +121,7 @@ SAID = {
     "assembly {} of {}": (estimated(rocker=None), estimated()),
     "no estimate for {}": (estimated(rocker=None), estimated(rocker=(1e20, 0.0, 0.0))),
     "an estimate beyond all digits for {}": (estimated(rocker=(1e20, 0.0, 0.0)), estimated(rocker=None)),
-    "{} (gap at least {} of the size {} m)": (held(0.9, 0.9), held(1.2, 1.2)),
+    "{} (gap at least {}, in sizes of {} m or rad)": (held(0.9, 0.9), held(1.2, 1.2)),
 }
 """Sentence -> a scene where it is said, and one where it is not."""
 ELSEWHERE = {
