@@ -292,7 +292,7 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     q : (n,) array, optional
         The pose [m, rad], contact parameters last, or without parameters; by default the first pose of the scene.
     t : float, optional
-        Its time; by default the scene's first.
+        Its time; by default the scene's first, whose pose alone is known without q.
 
     Raises
     ------
@@ -310,6 +310,7 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     if isinstance(given, Scene):
         t = given.times[0] if t is None else t
         if q is None:
+            check("t", "q as well, or the scene's first time", t, t == given.times[0])
             start = find_start(system, given)
             if start.q is None:
                 raise ValueError(f"the scene has no first pose: {start.message}")

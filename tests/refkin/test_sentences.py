@@ -111,6 +111,8 @@ def test_what_cannot_be_diagnosed_or_followed_says_why():
     table = refkin.Table(argument=(0.0, 1.0), value=(0.5, 1.0))
     with pytest.raises(ValueError, match="t: expected a time in the table of driver, got 2"):
         refkin.diagnose(with_law(scene, table), t=2.0)
+    with pytest.raises(ValueError, match="t: expected q as well, or the scene's first time, got 2"):
+        refkin.diagnose(scene, t=2.0)
     with pytest.raises(ValueError, match="a system alone has no pose: give q and t"):
         refkin.diagnose(system)
     with pytest.raises(ValueError, match=r"start: expected \(q, t\), as a system alone does not say where to start"):
