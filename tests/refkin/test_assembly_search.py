@@ -338,6 +338,22 @@ def test_what_closes_only_at_angles_without_digits_is_no_assembly():
     assert all(np.abs(system.phi(q, 0.0)).max() < ROUND_OFF for q in actual.poses)
 
 
+def test_bodies_that_roll_on_each_other_turn_together_and_a_whole_turn_is_no_other_assembly():
+    """A slide on an arm that a cylinder holds, its rack in mesh with the arm: there were 17 assemblies of two."""
+    slide = refkin.Prismatic(
+        name="slide", body_i="arm", point_i=(0.0, 0.0), axis_i=(1.0, 0.0), body_j="rack", point_j=(0.0, 0.0)
+    )
+    mesh = refkin.RackAndPinion(
+        name="mesh", body_i="rack", point_i=(0.0, 0.0), axis_i=(1.0, 0.0), body_j="arm", point_j=(1.0, 0.0), radius=8.0
+    )
+    held = cylinder("ground", (2.0, 0.0), "arm", (1.0, 0.0), 1.5)
+    pivot = pin("pivot", "ground", (0.0, 0.0), "arm", (0.0, 0.0))
+    _, actual = solved(Mechanism(bodies("arm", "rack"), (pivot, slide, mesh), (held,)))
+    angle = math.acos((2.0**2 + 1.0 - 1.5**2) / 4.0)
+
+    assert sorted(q[2] for q in actual.poses) == pytest.approx([-angle, angle], abs=ROUND_OFF)
+
+
 def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(monkeypatch):
     """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
     scene = refkin.load(CORPUS / "space-points-planes-and-links.toml")

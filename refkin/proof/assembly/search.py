@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, takewhile
+from itertools import chain, pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -194,8 +194,10 @@ class Search:
         note = f"no angle of {self.turned[0]} closes it: at least {least * self.system.unit.size:.6g} m are missing"
         return Assemblies(complete=True, gap=least, message=note, searched=True)
 
-    def _orientations(self) -> list[set[str]]:
-        return orientations(tuple((relative.i, relative.j) for relative in self.rows.relative_angles), self.names)
+    def _orientations(self, rolling: Iterable[Any] = ()) -> list[set[str]]:
+        """Return the bodies whose angles are counted against each other, by rolling elements, too, where given."""
+        counted = [(relative.i, relative.j) for relative in self.rows.relative_angles]
+        return orientations((*counted, *chain(*(pairwise(e.bodies) for e in rolling))), self.names)
 
     def _trial_angles(self) -> tuple[tuple[str, ...], AssemblyPlan]:
         """Return the bodies whose angles, if known, let closed form go furthest, one after another."""
@@ -293,12 +295,11 @@ class Search:
                 yield initial_contacts(self.system, q, self.t)
 
     def _without_turns(self, q: Array) -> Array:
-        """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
+        """Return the pose with angles in (-pi, pi], unless they are counted; bodies that roll turn back together."""
         q = q.copy()
         joints = self.system.mechanism.joints
         rolling = (e for e in elements_of(joints) if isinstance(e, RollingWheels | RollingOnLine))
-        counted = {GROUND, *(body for e in rolling for body in e.bodies)}
-        free = [bodies for bodies in self._orientations() if counted.isdisjoint(bodies)]
+        free = [bodies for bodies in self._orientations(rolling) if GROUND not in bodies]
         groups = [[self.system.columns(body).stop - 1 for body in self.names if body in bodies] for bodies in free]
         closed = [cam.name for cam in polar_cams(joints) if cam.profile.closed]
         for group in (*groups, *([self.system.parameter(name).start] for name in closed)):
