@@ -94,8 +94,8 @@ def _positions(
 ) -> tuple[Any, list[Status], str]:
     """Return the poses that were reached (NaN elsewhere), a first status per time, and a message.
 
-    What is lost with poses ahead, which only save time, is tried without, unless it is proved that there is no pose, or
-    a step passed every test and is not proved: it would be taken again.
+    A branch that is lost with poses ahead, which only save time, is tried without, unless it is proved that there is no
+    pose, or a step passed every test and is not proved: it would be taken again.
     """
     count = len(scene.times)
     start = find_start(system, scene)
@@ -109,7 +109,8 @@ def _positions(
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
         step = _first_unproved(sweep, scene.times[:done], leaps)
-        lost = done < count and not hopeless(scene.times[done]) if step is None else step in sweep.uncertified
+        ended = rest is Status.BRANCH_LOST and not hopeless(scene.times[done])
+        lost = ended if step is None else step in sweep.uncertified
         if leaps.ahead is None or not lost:
             break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q

@@ -21,10 +21,10 @@ from refkin.proof.numbers.bounded import NoFormula
 from refkin.proof.path.blocks import dips
 from refkin.proof.pose import krawczyk
 from refkin.solving import ahead, passages
-from refkin.solving.sweep import Sweep
+from refkin.solving.sweep import Arrival, Sweep
 from refkin.vec import cosine_and_sine
 from tests.linkages import ROCKER, remade, system_of, with_law, without_estimates
-from tests.places import CORPUS
+from tests.places import CORPUS, EXAMPLES
 
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
 
@@ -365,6 +365,25 @@ def test_a_step_that_passed_every_test_and_is_not_proved_is_tried_once(monkeypat
 
     assert refkin.solve(often).verdict is LOST
     assert asked == [1]
+
+
+def test_a_way_of_too_many_steps_is_given_up_once(monkeypatch):
+    """20,000 steps of gears of space take a minute."""
+    given_up = []
+    in_steps = Sweep._in_steps
+
+    def counted(sweep, target, most):
+        arrival = in_steps(sweep, target, most)
+        given_up.extend([1] if arrival is Arrival.OUT_OF_STEPS else [])
+        return arrival
+
+    monkeypatch.setattr(Sweep, "_in_steps", counted)
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 50)
+    turning = with_law(refkin.load(EXAMPLES / "rssr.toml"), Polynomial(coefficients=(0.3, 1e3)))
+    motion = refkin.solve(replace(turning, times=tuple(np.linspace(0.0, 1.0, 12))))
+
+    assert "after 50 steps" in motion.message
+    assert given_up == [1]
 
 
 def test_steps_that_lead_to_no_time_before_the_branch_ends_are_not_proved(monkeypatch):
