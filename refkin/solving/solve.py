@@ -109,7 +109,7 @@ def _positions(
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
         step = _first_unproved(sweep, scene.times[:done], leaps)
-        ended = rest is Status.BRANCH_LOST and not hopeless(scene.times[done])
+        ended = done < count and rest is Status.BRANCH_LOST and not hopeless(scene.times[done])
         lost = ended if step is None else step in sweep.uncertified
         if leaps.ahead is None or not lost:
             break
