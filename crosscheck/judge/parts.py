@@ -17,14 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import (
-    GearedTurns,
-    PointDistance,
-    RollingOnLine,
-    RollingWheels,
-    SpatialPointDistance,
-    elements_of,
-)
+from refkin.joints import GearedTurns, PointDistance, RollingOnLine, RollingWheels, SpatialPointDistance, elements_of
 from refkin.motion import point_motion
 from refkin.system import ConstraintRows, System
 

@@ -13,14 +13,7 @@ import pytest
 import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.loading import load
-from crosscheck.judge.hard_poses import (
-    GRANTED,
-    PoseSample,
-    least_error,
-    residual_error,
-    samples,
-    truths,
-)
+from crosscheck.judge.hard_poses import GRANTED, PoseSample, least_error, residual_error, samples, truths
 from crosscheck.judge.known_gaps import Finding, HardOutcome, unexplained
 from crosscheck.measure import hard_table
 from crosscheck.measure.hard_table import classed, hard_case_rows, outcome_of

@@ -35,17 +35,7 @@ from refkin.proof.path.tracing import BEND, CLOSE, FIRST_STEP, INSIDE, STANDING,
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, _is_driven_angle, driven_by, straight_on
 from refkin.solving.table_ends import continued
-from tests.linkages import (
-    CHANGE_POINT,
-    KITE,
-    LIMITED,
-    PARALLELOGRAM,
-    ROCKER,
-    copied,
-    posed,
-    remade,
-    with_law,
-)
+from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, ROCKER, copied, posed, remade, with_law
 from tests.places import CORPUS
 
 from .assembled import beside_a_mast
