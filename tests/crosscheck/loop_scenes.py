@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-import refkin
 from crosscheck.documents.systems.metu import Rapier
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Polar, Prismatic, RackAndPinion
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
+from tests.linkages import ROCKER
 
 from .exact_linkages import pair, pin
 
@@ -79,7 +79,7 @@ def touching():
         ends = {"body_i": "wheel", "point_i": (0.3, 0.2), "body_j": "follower", "point_j": (0.0, 0.0)}
         cam = Cam(name="c", **ends, profile=Disc(radius=1.0), follower=kind, **more)
         yield kind, scene({"wheel": (0.0, 0.0, 0.4), "follower": (0.1, 1.4, 0.0)}, (wheel, guide, cam), "wheel")
-    linkage = refkin.FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=9)
+    linkage = ROCKER.scene(samples=9)
     *rest, b0 = linkage.mechanism.joints
     moved = replace(
         b0, offset_law=(Sinusoid(amplitude=0.2, angular_frequency=1.3), Polynomial(coefficients=(0.0, 0.1)))

@@ -32,22 +32,21 @@ from crosscheck.scenes.workloads_space import many_rssrs
 from crosscheck.workers import timing
 from crosscheck.workers.processes import Failure, FailureKind, hang
 from crosscheck.workers.timing import Timing
-from refkin import FourBar
 from refkin.model import Scene
 from refkin.proof.pose.krawczyk import Judgement, Verdict
 from refkin.scenes.files import load, to_dict
 from tests.crosscheck.made_up_engines import Felt, Made, by, on_record, raises, without
 from tests.crosscheck.test_judgements import MOVED, moved, shaken, some
 from tests.crosscheck.test_price import Clock
+from tests.linkages import ROCKER
 from tests.refkin.test_answers import files
 
 Shake = Callable[[Scene], Scene]
-LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 
 def prices(shake: Shake, within: float = 1e6, unlike: float = 1.0) -> Any:
     """Return what a process says of methods whose cost is known, and the list that is made of it."""
-    scene = shake(LINKAGE.scene(speed=2.0, turns=0.1, samples=5))
+    scene = shake(ROCKER.scene(speed=2.0, turns=0.1, samples=5))
     clock, sent = Clock([]), list[Any]()
     methods = [
         clock.method("plain", 1e-2, 1e-4, off=1e-6, setting="a"),
@@ -214,7 +213,7 @@ def of_effects(shake: Shake, name: str) -> Any:
 
 def conforming() -> Any:
     """Return what is said of replies, of hard cases, and of what engines get wrong."""
-    scene = LINKAGE.scene(samples=4)
+    scene = ROCKER.scene(samples=4)
     who = {"engine": "made up", "method": "a", "key": "0" * 16, "scene": "", "about": {}}
     names = [c.name for c in scene.mechanism.constraints]
     numbers = random.Random(3)
@@ -271,7 +270,7 @@ def conforming() -> Any:
 
 def handed(shake: Shake) -> Any:
     """Return what jobs are, how parts of a record are joined, and what of it the table of known gaps accounts for."""
-    scene = shake(LINKAGE.scene(samples=4))
+    scene = shake(ROCKER.scene(samples=4))
     drawn = {k: SimpleNamespace(scene=replace(scene, name=str(k))) for k in range(4)}
     about = lambda d: {"kind": "abab"[int(d.scene.name)], "law": "ppqq"[int(d.scene.name)]}  # noqa: E731
     with patch.multiple(jobs, draw=lambda night, k: drawn[k], describe=about):

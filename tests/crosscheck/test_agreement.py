@@ -29,15 +29,13 @@ from crosscheck.scenes.drawing import draw
 from refkin.errors import RefkinError
 from refkin.model import Mechanism
 from refkin.scenes.linkages import RSSP, Branch
+from tests.linkages import ROCKER
 from tests.places import CORPUS, ROOT
 
 EXAMPLE = ROOT / "examples" / "test_own_solver.py"
 LAW = refkin.Sinusoid(offset=1.0, amplitude=0.8, angular_frequency=1.3, phase=0.4)
 TIMES = tuple(float(t) for t in np.linspace(0.0, 2.0, 9))
-FOUR_BAR, CROSSED = (
-    refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES, branch=branch)
-    for branch in ("open", "crossed")
-)
+FOUR_BAR, CROSSED = (ROCKER.scene(law=LAW, times=TIMES, branch=branch) for branch in ("open", "crossed"))
 SLIDER = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=LAW, times=TIMES)
 
 

@@ -34,6 +34,7 @@ from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import load as load_scene
 from refkin.scenes.files import to_toml
 from refkin.solving.limits import expected_seconds
+from tests.linkages import ROCKER
 from tests.places import CORPUS, ROOT
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
@@ -520,14 +521,14 @@ def test_a_scene_that_all_who_are_asked_refuse_is_not_replayed_with_0(command, o
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])
 def test_the_example_of_an_engine_stays_on_the_assembly_of_the_estimates(branch):
-    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5, branch=branch)
+    scene = ROCKER.scene(samples=5, branch=branch)
     result, truth = load(OWN).solve(scene), refkin.solve(scene)
 
     assert result.q == pytest.approx(truth.q + 2 * np.pi * np.round((result.q - truth.q) / (2 * np.pi)))
 
 
 def test_the_example_of_an_engine_refuses_another_driver():
-    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    scene = ROCKER.scene(samples=5)
     driver = replace(scene.mechanism.drivers[0], body="rocker")
     with pytest.raises(EngineRefusal, match="driven at the crank"):
         load(OWN).solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
@@ -745,8 +746,7 @@ def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
 
 
 def test_a_sweep_of_20000_times_says_what_it_takes_before_it_is_begun(monkeypatch, tmp_path, capsys):
-    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    short, said = refkin.solve(rocker.scene(samples=3)), []
+    short, said = refkin.solve(ROCKER.scene(samples=3)), []
 
     def begun(scene):
         said.append(capsys.readouterr().err)
@@ -755,16 +755,15 @@ def test_a_sweep_of_20000_times_says_what_it_takes_before_it_is_begun(monkeypatc
     monkeypatch.setattr("crosscheck.commands.solve.solving.solve", begun)
     for samples in (20_000, 73):
         path = tmp_path / f"{samples}.toml"
-        path.write_text(to_toml(rocker.scene(samples=samples)), encoding="utf-8")
+        path.write_text(to_toml(ROCKER.scene(samples=samples)), encoding="utf-8")
         assert solve(path, as_json=True) == 0
 
     assert said == ["20000 times: this takes about 12 s\n", ""]
 
 
 def test_two_laws_that_turn_back_1400_times_are_said_to_take_long():
-    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     wave = refkin.Sinusoid(offset=1.0, amplitude=0.2, angular_frequency=1400.0 * math.pi)
-    scene = rocker.scene(law=wave, times=(0.0, 1.0))
+    scene = ROCKER.scene(law=wave, times=(0.0, 1.0))
     second = replace(scene.mechanism.drivers[0], name="second")
     both = replace(scene, mechanism=replace(scene.mechanism, drivers=(*scene.mechanism.drivers, second)))
 

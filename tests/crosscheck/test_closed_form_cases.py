@@ -24,7 +24,7 @@ from refkin.scenes.files import load
 from refkin.scenes.linkages import FourBar, SliderCrank
 from tests.claims import U
 from tests.drawn import Drawing
-from tests.linkages import remade, with_law, without_estimates
+from tests.linkages import KITE, PARALLELOGRAM, remade, with_law, without_estimates
 from tests.mutation.change import mutated
 from tests.places import CORPUS
 
@@ -256,11 +256,7 @@ def test_a_motion_that_leaves_its_range_is_answered_up_to_there():
     assert np.array_equal(np.isfinite(motion.q), np.tile(before, (len(motion.q), 1)))
 
 
-PASSING = {
-    "parallelogram": FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0),
-    "kite": FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0),
-    "isosceles slider-crank": SliderCrank(crank=1.0, rod=1.0),
-}
+PASSING = {"parallelogram": PARALLELOGRAM, "kite": KITE, "isosceles slider-crank": SliderCrank(crank=1.0, rod=1.0)}
 
 
 @pytest.mark.parametrize("name", PASSING)

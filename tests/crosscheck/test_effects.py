@@ -25,8 +25,8 @@ from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
-from refkin.scenes.linkages import FourBar
 from refkin.solving.solve import solve
+from tests.linkages import ROCKER
 from tests.places import EXAMPLES
 
 from .fake_engines import EXIT, HANG, RAISE, engine_file
@@ -35,7 +35,7 @@ from .report_records import effect_row
 EXAMPLE = EXAMPLES / "crank-rocker.toml"
 KEYS = {"engine", "effect", "microseconds", "inert", "largest_change"}
 CALLED_FOR = {"velocity", "acceleration", "points", "other bodies", "condition", "certificate"}
-SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=2.0, turns=0.1, samples=5)
+SCENE = ROCKER.scene(speed=2.0, turns=0.1, samples=5)
 FELT = """
     def physical_effects(self):
         return {"gravity": "a planted one", "contact": "one that is isolated"}
@@ -310,9 +310,7 @@ def test_no_engine_evaluates_a_law_beyond_the_rate_that_its_march_predicts_by(sp
         return plain(law, t, order)
 
     law = Sinusoid(offset=0.5, amplitude=0.3, angular_frequency=1.0, phase=0.0)
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
-        law=law, times=[0.0, 0.1, 0.2], effects=effects, evidence=()
-    )
+    scene = ROCKER.scene(law=law, times=[0.0, 0.1, 0.2], effects=effects, evidence=())
     monkeypatch.setattr(Sinusoid, "__call__", counting)
     load(spec).solve(scene)
 
@@ -384,7 +382,7 @@ def test_an_engine_of_a_file_that_never_answers_has_its_own_name(tmp_path, monke
 
 
 def test_a_number_that_one_answer_has_and_the_other_has_not_is_a_change_without_end():
-    motion = (ref := reference(FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=3))).motion
+    motion = (ref := reference(ROCKER.scene(samples=3))).motion
     gone = replace(motion, q=np.where(np.arange(3) == 1, np.nan, motion.q))
     changes = [_difference(ref, *pair, motion.bodies, 0) for pair in ((gone, motion), (motion, gone), (gone, gone))]
 

@@ -19,11 +19,9 @@ from crosscheck.engines.pinocchio.model import tree_model
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.scenes.names import PHYSICAL
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import FourBar
+from tests.linkages import ROCKER
 
-SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
-    law=Polynomial(coefficients=(0.0, 2.0)), times=(0.1, 0.2, 0.3)
-)
+SCENE = ROCKER.scene(law=Polynomial(coefficients=(0.0, 2.0)), times=(0.1, 0.2, 0.3))
 ENGINES = ("exudyn", "mujoco", "pinocchio")
 
 

@@ -29,7 +29,7 @@ from refkin.model import Body
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.system import compile_system
-from tests.linkages import remade, with_law
+from tests.linkages import ROCKER, remade, with_law
 from tests.places import CORPUS, ROOT
 
 from .exact_linkages import CASES as LINKAGES
@@ -255,7 +255,7 @@ def test_a_pose_at_a_fold_is_corrected_until_little_of_its_residual_is_left() ->
 def test_poses_that_are_extrapolated_begin_anew_after_one_that_was_not_reached():
     """At the estimates, at the first that is reached, and where the line through the first two leads."""
     times = (0.0, 0.1, 0.2, 0.4, 0.5)
-    scene = replace(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=1.0), times=times)
+    scene = replace(ROCKER.scene(speed=1.0), times=times)
     model, starts = Static(scene, scene.mechanism.unit(), extrapolates=True), []
 
     def step(t, start):
@@ -287,7 +287,7 @@ def test_what_solvestatic_leaves_is_a_part_of_the_largest_residual_that_it_start
 
 def test_the_direct_method_starts_at_the_polynomial_through_the_last_poses_whatever_the_steps(monkeypatch):
     times = tuple(0.1 * k + 0.03 * (k % 3) for k in range(9))
-    scene = replace(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=1.0), times=times)
+    scene = replace(ROCKER.scene(speed=1.0), times=times)
     starts = []
 
     def step(_newton, _tolerance, t, start):
@@ -361,15 +361,12 @@ def test_rates_of_one_pose_are_none_where_it_is_singular_or_nothing_but_rounding
     assert np.array_equal(x, [1.0, 1.0]) if sound else np.isnan(x).all()
 
 
-LINKAGE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-
-
 @pytest.mark.parametrize(
     "scene",
     [
         *(case.scene for case in (four_bar(), slider_crank(), four_bar(-1, size=1e3))),
-        LINKAGE.scene(law=Polynomial(coefficients=(0.3, 40.0)), times=(0.0, 0.1)),
-        LINKAGE.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(5.0, 9.0)),
+        ROCKER.scene(law=Polynomial(coefficients=(0.3, 40.0)), times=(0.0, 0.1)),
+        ROCKER.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(5.0, 9.0)),
     ],
     ids=["four-bar", "slider-crank", "large", "a tenth of a second", "from 5 s on"],
 )

@@ -36,14 +36,7 @@ from crosscheck.judge.agreement import assert_agrees
 from crosscheck.judge.budget import BOTH_SIDES, _first_order, carried
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
-from crosscheck.judge.hard_poses import (
-    TOO_WIDE,
-    _judged,
-    least_error,
-    residual_error,
-    samples,
-    scene_truths,
-)
+from crosscheck.judge.hard_poses import TOO_WIDE, _judged, least_error, residual_error, samples, scene_truths
 from crosscheck.judge.levels import LEVELS, Configuration, _mapped, configurations
 from crosscheck.judge.records import Cause
 from crosscheck.judge.rounding import SAFETY, SOME, _spline_error, output_rounding, solve_error, table_error
@@ -64,9 +57,9 @@ from refkin.scenes.linkages import RSSR, Bennett
 from tests.crosscheck.exact_linkages import scotch_yoke
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
+from tests.linkages import ROCKER
 from tests.places import CORPUS
 
-LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 RULE = Term(name="stopping rule", level="position", reason="made up", absolute=1e-8)
 X, Y = Running(1.7, 3e-7), Running(-0.6, 2e-7)
 OPERATIONS = {
@@ -104,7 +97,7 @@ def test_exact_numbers_gain_the_rounding_of_each_operation(name):
 @cache
 def solved():
     """The reference of a four-bar in another unit, away from its origin, whose crank speeds up."""
-    linkage = replace(LINKAGE, origin=(3.0, -2.0))
+    linkage = replace(ROCKER, origin=(3.0, -2.0))
     return reference(linkage.scene(law=Polynomial(coefficients=(0.3, 1.3, 0.4)), times=(0.0, 0.7)))
 
 
@@ -300,7 +293,7 @@ def test_no_residual_of_a_norm_moves_a_rate_further_than_the_worst_of_that_norm(
 
 def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_origin():
     """Three arms, six roundings each, or as many as the largest angle is, which turns them; rates likewise."""
-    system = compile_system((mechanism := LINKAGE.scene().mechanism), unit=mechanism.unit())
+    system = compile_system((mechanism := ROCKER.scene().mechanism), unit=mechanism.unit())
     size = system.unit.size
     q = np.array([[40.0, 1.0, 0.5, 2.0, -70.0, -9.0, 1.0, 1.0, 4.0]]).T
     qd = np.array([[0.5, -7.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]]).T
@@ -335,7 +328,7 @@ def with_frame_off(scene, name):
 
 def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_and_not_squared():
     """With the crank's frame 16384 m off, the other bodies were allowed 40 times more than its arm explains."""
-    scene = LINKAGE.scene(times=(0.0, 0.3, 0.7))
+    scene = ROCKER.scene(times=(0.0, 0.3, 0.7))
     near, away = (reference(scene).budget().levels[2, 3:] for scene in (scene, with_frame_off(scene, "crank")))
 
     assert np.all(away <= FAR * np.max(near, axis=0))
@@ -343,7 +336,7 @@ def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_a
 
 def test_a_body_that_is_placed_by_another_whose_frame_is_far_off_is_rounded_there_and_back():
     """Composed of rocker and coupler, the crank was off by 186 times what it was allowed; its rates were not."""
-    ref = reference(with_frame_off(LINKAGE.scene(times=(0.0, 0.3, 0.7, 1.1)), "coupler"))
+    ref = reference(with_frame_off(ROCKER.scene(times=(0.0, 0.3, 0.7, 1.1)), "coupler"))
     crank, coupler, rocker = (ref.motion[name].q for name in ("crank", "coupler", "rocker"))
     a, b = (joint for joint in ref.scene.mechanism.joints if "coupler" in (joint.body_i, joint.body_j))
 
@@ -397,7 +390,7 @@ def off_the_exact(law, times, order):
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
     table = Table(argument=(0.0, 0.5, 0.75, 1.5), value=(0.3, -2.5, 0.2, 0.1))
-    mechanism = LINKAGE.scene(law=table, times=(0.2, 0.75)).mechanism
+    mechanism = ROCKER.scene(law=table, times=(0.2, 0.75)).mechanism
     system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.75])
     (row,) = (p.row for p in system.placed if p.constraint.laws)
     off = table_error(system, Times(t, order), order)
@@ -438,7 +431,7 @@ def test_a_table_of_uneven_steps_is_allowed_what_its_spline_is_off(rate):
     """With arguments 0.01 apart between others 7 apart SciPy's spline is off by 5e-11: all engines were wrong alike."""
     table = Table(argument=(0.0, 1.0, 1.01, 8.0), value=(0.0, 1.0, 1.01, 2.0))
     law = Integral(rate=table) if rate else table
-    record = check(LINKAGE.scene(law=law, times=tuple(np.linspace(0.0, 6.0, 9).tolist())), ["closed_form"])
+    record = check(ROCKER.scene(law=law, times=tuple(np.linspace(0.0, 6.0, 9).tolist())), ["closed_form"])
 
     assert not record.disagreements
     assert 0.05 < record.answers[0].quantities["position"].ratio < 0.75
@@ -448,7 +441,7 @@ def test_a_table_of_uneven_steps_whose_scene_has_no_assembly_is_judged_as_any_ot
     """No time was held against its exact spline, and the check ended in an error of Python."""
     table = Table(argument=(0.0, 1.0, 1.01, 8.0), value=(0.0, 0.1, 0.11, 0.3))
     mechanism = (
-        replace(LINKAGE, coupler=1.5, rocker=2.0).scene(law=Polynomial(coefficients=(0.3,)), times=(0.0,)).mechanism
+        replace(ROCKER, coupler=1.5, rocker=2.0).scene(law=Polynomial(coefficients=(0.3,)), times=(0.0,)).mechanism
     )
     driver = AngleDriver(name="motor", body="crank", law=replace(table, value=tuple(3.0 + v for v in table.value)))
     apart = refkin.Scene(mechanism=replace(mechanism, drivers=(driver,)), times=(0.0, 2.0))
@@ -465,7 +458,7 @@ def test_a_rate_table_is_allowed_what_the_areas_that_it_adds_up_are_off():
     table = Table(argument=tuple(0.01 * k for k in range(1001)), value=tuple(rates))
     law, late = Integral(rate=table), np.linspace(8.0, 10.0, 20001)
     times = sorted(late[np.argsort(np.abs(law(late)))[:3]].tolist())
-    record = check(LINKAGE.scene(law=law, times=times), ["closed_form", "pinocchio"])
+    record = check(ROCKER.scene(law=law, times=times), ["closed_form", "pinocchio"])
     off = np.max(off_the_exact(law, times, 0))
 
     assert not record.disagreements
@@ -475,7 +468,7 @@ def test_a_rate_table_is_allowed_what_the_areas_that_it_adds_up_are_off():
 
 def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate():
     """In what may be off; one coordinate of which too little is known is enough."""
-    system = compile_system(LINKAGE.scene().mechanism)
+    system = compile_system(ROCKER.scene().mechanism)
     away, rows = np.linspace(0.1, 0.9, system.n) * TOO_WIDE, np.arange(system.n)
     allowed = np.where(rows == 4, 2.0 * TOO_WIDE, 0.0)
     judgement = _judged(system, (arb(0),) * system.n, allowed, away, rows, 0.0)
@@ -487,7 +480,7 @@ def test_an_answer_that_balls_cannot_judge_is_as_far_off_as_its_worst_coordinate
 @pytest.mark.parametrize(("terms", "within", "beyond"), [((), 8 * U, 64 * U), ((RULE,), 0.99e-8, 1.01e-8)])
 def test_a_singular_pose_closes_up_to_rounding_and_what_the_engine_adds(terms, within, beyond):
     """Nothing else holds an answer there: a body is off by so many sizes."""
-    law, linkage = Polynomial(coefficients=(np.pi - 0.5, 1.0)), replace(LINKAGE, rocker=1.5)
+    law, linkage = Polynomial(coefficients=(np.pi - 0.5, 1.0)), replace(ROCKER, rocker=1.5)
     ref = reference(linkage.scene(law=law, times=(0.0, 0.5)))
     move = np.zeros_like(ref.motion.q)
     move[1, 1] = ref.scene.mechanism.size()
@@ -767,7 +760,7 @@ def test_a_histogram_counts_every_number_of_digits_once_in_tenths_rounded_down()
     ("level", "where"), [("q", "position of "), ("qd", "velocity of "), ("qdd", "acceleration of ")]
 )
 def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_largest_rate(level, where):
-    off, size = solved().motion, LINKAGE.scene().mechanism.size()
+    off, size = solved().motion, ROCKER.scene().mechanism.size()
     moved = np.array(getattr(off, level))
     moved += np.tile([[1e-6 * size], [0.0], [0.0]], (3, 1)) if level == "q" else 1e-6 * moved
     seen = change(solved(), off, replace(off, **{level: moved}), exact=False)
@@ -779,7 +772,7 @@ def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_la
 
 @pytest.mark.parametrize(("order", "level"), [(0, "q"), (1, "qd"), (2, "qdd")])
 def test_digits_of_an_answer_are_of_the_size_of_the_mechanism_and_of_the_largest_rate_at_each_time(order, level):
-    ref, size = solved(), LINKAGE.scene().mechanism.size()
+    ref, size = solved(), ROCKER.scene().mechanism.size()
     moved = np.array(getattr(ref.motion, level))
     moved += np.tile([[1e-6 * size], [0.0], [0.0]], (3, 1)) if level == "q" else 1e-6 * moved
     quantity = compare(ref, replace(ref.motion, **{level: moved})).quantities[QUANTITIES[order]]
@@ -810,7 +803,7 @@ def test_digits_of_an_acceleration_count_from_the_square_of_the_velocity_where_t
 def test_a_mechanism_at_rest_has_the_digits_of_one_that_moves():
     """At the turning point of its law nothing is left of a velocity but rounding: of that no answer has a digit."""
     law = refkin.Sinusoid(amplitude=0.4, angular_frequency=2.0, offset=1.0, phase=0.5 * np.pi)
-    scene = LINKAGE.scene(law=law, times=(0.0, 0.2, 0.4, 0.6))
+    scene = ROCKER.scene(law=law, times=(0.0, 0.2, 0.4, 0.6))
     ref, truth = reference(scene), CertifiedTruth(scene)
     moving = np.max(np.abs(ref.levels[1]), axis=0)
     off = replace(ref.motion, qd=ref.motion.qd + 1e-9)
@@ -822,12 +815,12 @@ def test_a_mechanism_at_rest_has_the_digits_of_one_that_moves():
     assert digits[1:] == pytest.approx(-np.log10(1e-9 / moving[1:]), abs=1e-6)
     assert min(truth.attainable.values()) > 14.0
     assert truth.digits(off.qd, 1)[0] == pytest.approx(digits.min(), abs=1e-5)
-    assert reference(LINKAGE.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,))).common.scale["velocity"] == 1.0
+    assert reference(ROCKER.scene(law=Polynomial(coefficients=(1.0,)), times=(0.0,))).common.scale["velocity"] == 1.0
 
 
 def test_a_rate_that_is_small_and_known_is_no_rest():
     law = Polynomial(coefficients=(0.3, 0.0, 0.0, 0.0, 0.5))
-    ref = reference(LINKAGE.scene(law=law, times=(0.0, 1e-6, 1.0)))
+    ref = reference(ROCKER.scene(law=law, times=(0.0, 1e-6, 1.0)))
 
     assert ref.rests.tolist() == [[False] * 3, [True, False, False], [True, False, False]]
 
@@ -867,7 +860,7 @@ def test_rows_lose_what_the_farthest_coordinate_and_the_fastest_body_take_away()
 
 def test_configurations_lie_on_all_sides_of_a_pose_as_far_as_a_size_or_a_radian():
     """With rates of three sizes or radians a second; of twenty there are both signs, and some beyond a half."""
-    mechanism, near = LINKAGE.scene().mechanism, np.arange(18.0).reshape(9, 2)
+    mechanism, near = ROCKER.scene().mechanism, np.arange(18.0).reshape(9, 2)
     at = configurations(mechanism, near, np.array([0.5, 1.5]), "sides", 20)
     scale = np.tile([mechanism.size(), mechanism.size(), 1.0], 3)
     moves = np.array([(c.q - near[:, round(c.t - 0.5)]) / scale for c in at])

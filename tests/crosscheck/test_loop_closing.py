@@ -23,6 +23,7 @@ from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import FourBar
+from tests.linkages import ROCKER
 from tests.mutation.change import mutated
 
 OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
@@ -225,8 +226,7 @@ def test_a_motion_does_not_pass_over_what_its_law_does_between_two_times(engine,
 def test_a_law_that_swings_between_times_is_followed(engine, frequency) -> None:
     """From rest to rest, and from a pose that is not apart from the next turn, no step told how it goes on."""
     law = Sinusoid(amplitude=0.5, angular_frequency=frequency, offset=1.0)
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    scene = linkage.scene(law=law, times=tuple(np.linspace(0.0, 5.0, 20).tolist()))
+    scene = ROCKER.scene(law=law, times=tuple(np.linspace(0.0, 5.0, 20).tolist()))
 
     assert set(load(engine).solve(scene).status) == {OK}
 

@@ -21,14 +21,13 @@ from crosscheck.measure.price_process import questions
 from refkin.joints import Revolute
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.files import load
-from refkin.scenes.linkages import FourBar, SliderCrank
+from refkin.scenes.linkages import SliderCrank
 from refkin.solving.solve import solve
-from tests.linkages import without_estimates
+from tests.linkages import ROCKER, without_estimates
 from tests.places import EXAMPLES
 from tests.refkin.test_sweep import three_cranks
 
-LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-SCENE = LINKAGE.scene(speed=2.0, turns=0.5, samples=19)
+SCENE = ROCKER.scene(speed=2.0, turns=0.5, samples=19)
 SLIDER = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(speed=2.0, turns=0.2, samples=5)
 
 
@@ -151,7 +150,7 @@ def test_what_is_relaxed_has_no_velocity():
 @pytest.mark.parametrize("producer", ["exudyn", "mujoco", "pinocchio"])
 def test_a_driver_that_speeds_up_is_followed(producer):
     law = Sinusoid(amplitude=0.8, angular_frequency=2.0, offset=0.5)
-    scene = LINKAGE.scene(law=law, times=np.linspace(0.0, 1.0, 11).tolist())
+    scene = ROCKER.scene(law=law, times=np.linspace(0.0, 1.0, 11).tolist())
     truth = CertifiedTruth(scene)
     stepped = ("SolveDynamic", "mj_step, Euler", "constraintDynamics, RK4")
     values = [
@@ -200,7 +199,7 @@ def test_a_loop_that_the_engines_forces_do_not_close_is_refused_for_stepping_by_
 
 
 def test_a_driver_that_holds_no_coordinate_of_the_tree_is_refused_for_stepping_by_name():
-    driven = LINKAGE.scene(
+    driven = ROCKER.scene(
         driven="coupler", law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=0.9), times=[0.0, 0.1]
     )
     reasons = refused("mujoco", driven)
@@ -335,7 +334,7 @@ def test_what_is_copied_in_a_way_of_its_own_alone_is_copied():
 @pytest.mark.parametrize("producer", PRICED)
 def test_whoever_answers_a_cycle_answers_the_pose_that_is_needed_now(producer):
     """Also late in the cycle: what fails there is a row without a price."""
-    asked = questions(LINKAGE.scene(speed=0.5, samples=73))
+    asked = questions(ROCKER.scene(speed=0.5, samples=73))
     for one in methods(producer, Use.PRICE):
         (cycle, _), (late, _) = asked["cycle"].of(one)[0], asked["one"].of(one)[-1]
         try:

@@ -24,7 +24,7 @@ from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.drawing import draw, in_part, is_chain
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.scenes.files import to_dict
-from refkin.scenes.linkages import FourBar
+from tests.linkages import ROCKER
 
 from .fake_engines import settled
 from .report_records import failed_record, good_answer, record, typed
@@ -264,10 +264,7 @@ def test_a_night_whose_time_is_over_begins_with_no_other_scene(night, monkeypatc
 
 @pytest.mark.parametrize(
     ("more", "required"),
-    [
-        ({"required": ("mujoco.py", "exudyn.py")}, ["mujoco", "exudyn.py"]),
-        ({"there": (ALWAYS, *SAMPLED)}, []),
-    ],
+    [({"required": ("mujoco.py", "exudyn.py")}, ["mujoco", "exudyn.py"]), ({"there": (ALWAYS, *SAMPLED)}, [])],
     ids=["one that is required is missing", "all that were asked for are"],
 )
 def test_without_the_engines_that_it_needs_a_night_checks_nothing_and_says_which(night, tmp_path, more, required):
@@ -330,7 +327,7 @@ class Shifted(ClosedForm):
 
 
 def test_a_scene_that_was_taken_apart_is_joined_to_the_record_that_it_has_as_a_whole():
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    scene = ROCKER.scene(samples=5)
     about = {"expected": "singular"}  # so that the reference has a disagreement, which every part has
     engines = {"closed_form": ClosedForm(), "shifted": Shifted()}
     whole = check(scene, list(engines.values()), about)

@@ -37,13 +37,14 @@ from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Table
 from refkin.scenes import files
+from tests.linkages import ROCKER
 from tests.places import CORPUS
 
 from .fake_engines import engine_file
 from .made_up_engines import Made
 
-SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9)
-CROSSED = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9, branch="crossed")
+SCENE = ROCKER.scene(samples=9)
+CROSSED = ROCKER.scene(samples=9, branch="crossed")
 LIMIT = FourBar(ground=2.0, crank=2.0, coupler=1.0, rocker=2.0)
 """A crank that turns up to a limit."""
 
@@ -267,7 +268,7 @@ class Altering(type(load("mujoco"))):
 @pytest.mark.parametrize("asked", [check, lambda scene, engines: ask(engines[0], Question("", scene))])
 def test_what_an_engine_does_to_what_its_scene_keeps_at_hand_reaches_nobody_else(asked):
     table = Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.0, 1.0, 1.5, 2.0))
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=table, times=(0.5, 1.0, 1.5))
+    scene = ROCKER.scene(law=table, times=(0.5, 1.0, 1.5))
     refkin.solve(scene)
     assert any(hasattr(kept, "c") for kept in vars(table).values())
 
@@ -511,9 +512,7 @@ def test_how_far_a_mechanism_is_from_the_origin_pays_for_no_term():
 
 def test_of_a_residual_that_holds_a_large_angle_so_many_roundings_are_more():
     """What a driver asks for is in its row, and what a slide holds: a thousand roundings of that, not of one turn."""
-    turns = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
-        law=Polynomial(coefficients=(400.0,)), times=(0.0, 1.0)
-    )
+    turns = ROCKER.scene(law=Polynomial(coefficients=(400.0,)), times=(0.0, 1.0))
     sizes = [float(ABSOLUTE) * part for part in (1.0, 1.1, 63.0, 64.0)]
 
     assert [len(granted("any", turns, [big(absolute=size)])[0]) for size in sizes] == [1, 1, 1, 0]
@@ -545,7 +544,7 @@ def test_another_assembly_counts_turns_of_its_own():
     """Its rocker was turned back to the reference's, and it was said to violate the gear between rocker and wheel."""
 
     def geared(branch, turns):
-        scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=(0.0, 0.3), branch=branch)
+        scene = ROCKER.scene(times=(0.0, 0.3), branch=branch)
         m = scene.mechanism
         *others, rocker = m.bodies
         x, y, phi = rocker.estimate

@@ -29,9 +29,9 @@ from crosscheck.scenes import workloads
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.names import called
-from refkin import FourBar
 from refkin.model import Effect, Mechanism
 from refkin.scenes.files import to_dict
+from tests.linkages import ROCKER
 from tests.places import EXAMPLES
 
 from .hard_engines import Complex, FaultyFirst, OneNameTwice, Own
@@ -39,7 +39,7 @@ from .hard_engines import Complex, FaultyFirst, OneNameTwice, Own
 FILE = Path(__file__).with_name("hard_engines.py")
 OWN, FIRST, COMPLEX = (f"{FILE}:{name}" for name in ("Own", "FaultyFirst", "Complex"))
 RIGHT, FAULTY = "right", "faulty, by 1e-6"
-SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=4)
+SCENE = ROCKER.scene(samples=4)
 IN_SPACE = refkin.load(EXAMPLES / "rssr.toml")
 IN_SPACE = replace(IN_SPACE, times=IN_SPACE.times[:3])
 

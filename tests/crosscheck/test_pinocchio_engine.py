@@ -24,7 +24,7 @@ from refkin.joints import AngleDriver, Distance, Prismatic, Revolute, XDriver, Y
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-from tests.linkages import with_law
+from tests.linkages import ROCKER, with_law
 from tests.mutation.change import mutated
 from tests.places import CORPUS
 
@@ -186,4 +186,4 @@ def test_frames_far_from_joints_allow_accelerations_no_more_than_their_own_round
 
 
 def test_a_mechanism_without_distance_joints_has_no_such_terms():
-    assert link_terms(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene().mechanism) == ()
+    assert link_terms(ROCKER.scene().mechanism) == ()

@@ -16,13 +16,13 @@ from crosscheck.engines.methods import Use, methods
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import POINTED, draw
 from refkin.motion import PointMotion
+from tests.linkages import ROCKER
 
 from . import space_scenes
 
 ALL = ("exudyn", "pinocchio", "mujoco", "closed_form", "vector_loop", "refkin-batch")
-BARS = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 PLANE = replace(
-    BARS.scene(speed=2.0, turns=0.5, samples=7, branch="open"),
+    ROCKER.scene(speed=2.0, turns=0.5, samples=7, branch="open"),
     points=(
         refkin.Point(name="P", body="coupler", position=(0.3, -1.4)),
         refkin.Point(name="Q", body="crank", position=(-2.0, 0.25)),

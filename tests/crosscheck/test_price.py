@@ -17,15 +17,7 @@ import refkin
 from crosscheck.commands import price as priced_by
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
-from crosscheck.judge.prices import (
-    Offer,
-    Repeated,
-    cheapest,
-    may_be_cheapest,
-    repeated,
-    settings,
-    with_suspicions,
-)
+from crosscheck.judge.prices import Offer, Repeated, cheapest, may_be_cheapest, repeated, settings, with_suspicions
 from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
@@ -36,8 +28,8 @@ from crosscheck.report.measured import measured
 from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
-from refkin.scenes.linkages import FourBar
 from tests.crosscheck import price_fakes
+from tests.linkages import PARALLELOGRAM, ROCKER
 
 from .report_records import price_row
 
@@ -66,8 +58,7 @@ KEYS = {
 
 
 def scene(**more):
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    return linkage.scene(speed=2.0, turns=0.1, samples=5, **more)
+    return ROCKER.scene(speed=2.0, turns=0.1, samples=5, **more)
 
 
 MADE_UP, HANGING = (f"{HERE / 'price_fakes.py'}:{name}" for name in ("MadeUp", "Hanging"))
@@ -166,8 +157,7 @@ def test_what_a_scene_does_not_call_for_has_no_row():
 
 
 def test_a_scene_without_a_certified_pose_has_no_prices():
-    linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-    folded = linkage.scene(times=[0.0], law=Polynomial(coefficients=(0.0,)))
+    folded = PARALLELOGRAM.scene(times=[0.0], law=Polynomial(coefficients=(0.0,)))
 
     with pytest.raises(NoTruth, match="no pose is certified"):
         price(folded, [MADE_UP], within=1.0)
@@ -771,8 +761,8 @@ def listed(sent, monkeypatch):
 
     monkeypatch.setattr(measuring, "start", start)
     monkeypatch.setattr(measuring, "stop", lambda process: SimpleNamespace(text="its process ended: SIGSEGV"))
-    linkage, told = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0), []
-    prices = price(linkage.scene(samples=CYCLE + 7), ["made up"], 100.0, tell=lambda *words: told.append(words))
+    told = []
+    prices = price(ROCKER.scene(samples=CYCLE + 7), ["made up"], 100.0, tell=lambda *words: told.append(words))
     return prices, asked, told, sum(message[0] == "at" for message in (*broken, *rest))
 
 

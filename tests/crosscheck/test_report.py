@@ -27,7 +27,7 @@ from crosscheck.report.cells import quantile
 from crosscheck.report.first_table import first_table
 from crosscheck.report.summary import Summary, verdict
 from refkin.scenes.files import to_dict
-from refkin.scenes.linkages import FourBar
+from tests.linkages import ROCKER
 from tests.places import ROOT
 
 from .report_records import (
@@ -389,7 +389,7 @@ build(Path(sys.argv[1]))
 
 def test_the_report_solves_nothing_and_recomputes_nothing(tmp_path: Path) -> None:
     """The whole of a night's folder, without solvers, proofs, engines and documents."""
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    scene = ROCKER.scene(samples=5)
     real = check.check(scene, ["closed_form"], {"shard": 0})
     write(tmp_path, plain(real), record("a", good_answer("mujoco"), disagreements=[disagreement()]))
     drawn = pictures([real], lambda r: {"scene": to_dict(scene)}, {"closed_form": "closed_form"})
@@ -474,7 +474,7 @@ def test_memory_does_not_grow_with_the_number_of_samples(tmp_path: Path) -> None
 
 
 def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> None:
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    scene = ROCKER.scene(samples=5)
     real = check.check(scene, ["closed_form"], {"kind": "four_bar", "distance": 1.0})
     report = reported(write(tmp_path, plain(real)))
 

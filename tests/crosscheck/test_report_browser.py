@@ -22,6 +22,7 @@ from crosscheck.measure.check import check
 from crosscheck.night.sections import pictures, write_documents
 from refkin import FourBar, SliderCrank
 from refkin.scenes.files import to_dict
+from tests.linkages import ROCKER
 
 from . import space_scenes
 from .report_records import built, case, disagreement, outcome, write
@@ -57,9 +58,8 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of three real scenes with a new disagreement and everything that a page can show beside it."""
-    four_bar = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     almost_a_change_point = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-6)
-    linkages = (four_bar, almost_a_change_point, SliderCrank(crank=1.0, rod=3.0, offset=0.25))
+    linkages = (ROCKER, almost_a_change_point, SliderCrank(crank=1.0, rod=3.0, offset=0.25))
     scenes = [linkage.scene(speed=2.0, turns=1, samples=25) for linkage in linkages]
     typed = [check(scene, ["closed_form"], {"kind": scene.name, "shard": k}) for k, scene in enumerate(scenes)]
     records = [plain(record) for record in typed]

@@ -33,8 +33,8 @@ from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import folds, hard_matrix
 from crosscheck.report.prices import cheapest
 from crosscheck.report.totals import OTHERS, Refusals, Together
-from refkin import FourBar
 from refkin.scenes.files import to_dict
+from tests.linkages import ROCKER
 
 from .report_records import answer, disagreement, effect_row, good_answer, of_run, quantity, record, typed, write
 
@@ -350,8 +350,7 @@ def test_in_space_the_third_coordinate_is_a_length_and_counts_whole_turns(tmp_pa
 @pytest.fixture(scope="module")
 def posed() -> tuple[Any, Any]:
     """A picture of one real scene, with the rocker's angle off by 1e-9 at time 7: its scene and its mark."""
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    scene = linkage.scene(speed=1.0, turns=1, samples=73, branch="open")
+    scene = ROCKER.scene(speed=1.0, turns=1, samples=73, branch="open")
     off = np.zeros((9, 73))
     off[8] = 99e-11
     off[8, :4], off[:, 4], off[8, 7] = 50e-11, np.nan, 1e-9
@@ -419,8 +418,7 @@ def test_factor_of_an_error_is_round_and_makes_it_as_visible_as_it_may_be(limit:
 
 
 def test_the_worst_of_each_decade_is_pictured_once(tmp_path: Path) -> None:
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    scenes = [linkage.scene(speed=1.0, turns=1, samples=samples) for samples in (5, 7)]
+    scenes = [ROCKER.scene(speed=1.0, turns=1, samples=samples) for samples in (5, 7)]
     made = [(check(scene, ["closed_form"]), {"scene": to_dict(scene)}) for scene in scenes]
     jobs = {record.key: job for record, job in made}
     drawn = pictures([record for record, _ in made], lambda r: jobs[r.key], {"closed_form": "closed_form"})
@@ -455,7 +453,7 @@ def test_a_mark_is_pictured_by_the_scene_with_its_fewest_digits_the_fewest_first
 
 
 def test_an_engine_that_is_not_there_any_more_is_not_pictured() -> None:
-    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    scene = ROCKER.scene(samples=5)
     drawn = pictures([check(scene, ["closed_form"])], lambda r: {"scene": to_dict(scene)}, {})
 
     assert (drawn["scenes"], drawn["marks"]) == ([], [])

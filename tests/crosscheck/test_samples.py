@@ -17,14 +17,14 @@ from crosscheck.night.sections import worst_sample
 from crosscheck.scenes.names import decade
 from refkin import FourBar, Polynomial
 from refkin.solving.solve import nearest
+from tests.linkages import ROCKER
 
 OFF = 3e-7
 
 
 @pytest.fixture(scope="module")
 def scene():
-    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    return linkage.scene(speed=2.0, turns=1, samples=12, branch="open")
+    return ROCKER.scene(speed=2.0, turns=1, samples=12, branch="open")
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from crosscheck.scenes.workloads import LoopChain
 from refkin.joints import AngleDriver, Fixed, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
+from tests.linkages import ROCKER
 from tests.places import EXAMPLES, ROOT
 from tests.refkin.test_sweep import three_cranks
 
@@ -34,13 +35,12 @@ NAME = "Newton on free coordinates"
 AT_ONCE = {"mujoco": "mujoco.batch, all times at once", "pinocchio": "all times at once"}
 ROWS = {"mujoco": ConnectRows, "pinocchio": Anchors}
 MANY = {"mujoco": of_mujoco.SampledLoops, "pinocchio": of_pinocchio.PlacedLoops}
-LINKAGE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
 CLOSED = {
     "four-bar, driven back and forth": FOUR_BAR,
-    "crank at several turns": LINKAGE.scene(speed=2.0, turns=3, samples=91),
-    "crank that begins turns away": LINKAGE.scene(law=Polynomial(coefficients=(40.0, -3.0)), times=TIMES),
-    "rocker driven": LINKAGE.scene(driven="rocker", law=replace(LAW, offset=2.0, amplitude=0.2), times=TIMES),
+    "crank at several turns": ROCKER.scene(speed=2.0, turns=3, samples=91),
+    "crank that begins turns away": ROCKER.scene(law=Polynomial(coefficients=(40.0, -3.0)), times=TIMES),
+    "rocker driven": ROCKER.scene(driven="rocker", law=replace(LAW, offset=2.0, amplitude=0.2), times=TIMES),
     "slider-crank": SLIDER,
     "prismatic joint": refkin.load(SCENES_OF_JOINTS / "prismatic.toml"),
     "massless coupler": ROD,
@@ -104,7 +104,7 @@ def test_so_it_is_on_rows_at_all_times_at_once_whatever_closes_a_loop(producer, 
 @pytest.mark.parametrize("producer", ROWS)
 def test_one_pose_now_is_found_from_the_pose_before(producer):
     """As a price list asks it."""
-    scene = LINKAGE.scene(speed=2.0, turns=1, samples=73)
+    scene = ROCKER.scene(speed=2.0, turns=1, samples=73)
 
     assert min(min(digits(producer, one)) for one, _ in questions(scene)["one"].scenes) > 13.5
 
@@ -146,7 +146,7 @@ REFUSED = {
     "no loop": (refkin.load(SCENES_OF_JOINTS / "revolute.toml"), "no joint closes a loop"),
     "space": (refkin.load(SCENES_OF_JOINTS / "spatial-revolute.toml"), "its joint tree for the plane alone"),
     "driven coupler": (
-        LINKAGE.scene(driven="coupler", law=replace(LAW, offset=0.9, amplitude=0.1), times=TIMES),
+        ROCKER.scene(driven="coupler", law=replace(LAW, offset=0.9, amplitude=0.1), times=TIMES),
         "does not hold one coordinate",
     ),
 }

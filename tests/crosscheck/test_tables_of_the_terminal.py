@@ -19,10 +19,11 @@ from crosscheck.judge.records import Cause, EnclosedTimes, RefusalRow
 from crosscheck.measure.hard_table import hard_cases
 from crosscheck.night.hunting import Bag, Catch
 from crosscheck.night.plan import NightOutcome
+from tests.linkages import PARALLELOGRAM, ROCKER
 
 from .report_records import answer, effect_row, good_answer, level, price_row, quantity, record, typed
 
-SCENE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+SCENE = ROCKER.scene(samples=3)
 
 
 def cells(table: Any) -> list[list[str]]:
@@ -352,8 +353,7 @@ def test_a_path_says_how_bodies_turn_by_its_parameter_and_how_it_ended(tmp_path,
 
 
 def test_a_singular_pose_is_said_with_its_tangents_and_as_plain_data(command):
-    flat = refkin.FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-    scene = flat.scene(times=[0.0], law=refkin.Polynomial(coefficients=(0.0,)))
+    scene = PARALLELOGRAM.scene(times=[0.0], law=refkin.Polynomial(coefficients=(0.0,)))
     words, data = command("diagnose", scene), json.loads(command("diagnose", scene, "--json").stdout)
 
     assert words.returncode == 1

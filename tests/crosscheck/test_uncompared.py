@@ -20,6 +20,7 @@ from refkin.model import Mechanism
 from refkin.motion import Status
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
+from tests.linkages import ROCKER
 from tests.places import CORPUS, ROOT
 from tests.refkin.test_answers import files
 
@@ -180,15 +181,12 @@ def beside(scene, other):
     return replace(scene, mechanism=Mechanism(*parts))
 
 
-REGULAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-
-
 def test_rates_are_asked_of_parts_of_which_all_bodies_answer():
     """At its dead centre a slider stands still, and is rounded as a crank is whose rate the answer does not tell."""
     crank = refkin.SliderCrank(crank=1.0, rod=2.5).scene(
         law=refkin.Polynomial(coefficients=(0.0, 1e3)), times=(0.0, 0.1)
     )
-    ref, motion = lost(beside(crank, REGULAR.scene(times=crank.times)), Status.BRANCH_LOST)
+    ref, motion = lost(beside(crank, ROCKER.scene(times=crank.times)), Status.BRANCH_LOST)
     last = {letter: getattr(motion, letter)[6:] for letter in ("q", "qd", "qdd")}
     fewer = replace(motion, bodies=motion.bodies[2:], **last)
     for row, off, said in ((1, 1e-13, []), (2, 1e-13, []), (-1, 1e-9, [Cause.UNCLOSED] * 2)):
@@ -212,7 +210,7 @@ def test_a_regular_loop_is_on_its_own_branch_also_while_another_is_stretched(arb
     """The answer is 1e13 least errors from the only pose that is near; the certificate says so, too."""
     stretched = corpus("singular-in-the-end")
     both, crossed = (
-        beside(stretched, REGULAR.scene(times=stretched.times, branch=branch)) for branch in ("open", "crossed")
+        beside(stretched, ROCKER.scene(times=stretched.times, branch=branch)) for branch in ("open", "crossed")
     )
     there = refkin.solve(crossed).q[:, -1]
 

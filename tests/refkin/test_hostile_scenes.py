@@ -23,7 +23,7 @@ from refkin.proof.pose import krawczyk
 from refkin.solving import ahead, passages
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.vec import cosine_and_sine
-from tests.linkages import ROCKER, remade, system_of, with_law, without_estimates
+from tests.linkages import PARALLELOGRAM, ROCKER, remade, system_of, with_law, without_estimates
 from tests.places import CORPUS, EXAMPLES
 
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
@@ -828,7 +828,7 @@ def test_peaucellier_starts_from_usable_estimates_in_a_regular_assembly(noise):
 @pytest.mark.parametrize("angle", [1e-9, 3e-9, 1e-8])
 def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_of_them(angle):
     """A parallelogram beside its flat pose: half way between its branches, 1e-8 from each, residuals are round-off."""
-    given = refkin.FourBar(3.0, 1.0, 3.0, 1.0).scene(law=Polynomial(coefficients=(angle,)), times=(0.0,))
+    given = PARALLELOGRAM.scene(law=Polynomial(coefficients=(angle,)), times=(0.0,))
     half_way = {"crank": angle, "coupler": -angle / 2, "rocker": -angle / 2}
     bodies = tuple(replace(b, estimate=(*b.estimate[:2], half_way[b.name])) for b in given.mechanism.bodies)
     motion = refkin.solve(remade(given, bodies=bodies))

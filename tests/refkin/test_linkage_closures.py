@@ -16,11 +16,12 @@ from refkin.scenes.linkages import ANYWHERE, Branch, DoesNotAssemble, FourBar, I
 from refkin.scenes.linkages.closures import corner, leg, link_to_line, two_links
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near
+from tests.linkages import LIMITED
 
 PLACED: dict[str, Any] = {"origin": (0.3, -0.2), "angle": 0.4}
 LINKAGES: tuple[Linkage, ...] = (
     FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, **PLACED),
-    FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45),
+    LIMITED,
     SliderCrank(crank=1.0, rod=3.0, offset=0.4, **PLACED),
     SliderCrank(crank=2.0, rod=1.3, offset=-0.3),
     InvertedSliderCrank(ground=3.0, crank=1.2, offset=0.25, **PLACED),
@@ -161,7 +162,6 @@ def test_at_the_change_point_the_crank_turns():
 
 def test_laws_beyond_the_range_are_refused():
     """A linkage that cannot follow a law says so; one that can is driven by it, whole turns away as well."""
-    four = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
     for offset, amplitude, fits in (
         (0.0, 1.9, True),
         (0.0, 2.1, False),
@@ -173,7 +173,7 @@ def test_laws_beyond_the_range_are_refused():
         law = Sinusoid(offset=offset, amplitude=amplitude, angular_frequency=1.0)
         times = tuple(np.linspace(0.0, math.tau, 41).tolist())
         try:
-            four.scene(law=law, times=times)
+            LIMITED.scene(law=law, times=times)
         except InvalidScene:
             assert not fits, f"{law} was refused"
         else:

@@ -25,6 +25,7 @@ from refkin.scenes.linkages import (
 )
 from refkin.scenes.linkages.base import rough
 from refkin.system import compile_system
+from tests.linkages import LIMITED, ROCKER
 
 U = 2.0**-53
 ROUND_OFF = 128 * U
@@ -209,7 +210,7 @@ def test_determinant_of_the_inverted_loop_is_line_sine_of_the_transmission_angle
 def test_inputs_that_are_almost_nothing_assemble(value):
     """`cmath.phase` takes the underflow of an angle for an error; `atan2` does not."""
     kinds = (
-        FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0),
+        ROCKER,
         SliderCrank(crank=1.0, rod=3.0, offset=1e-320),
         InvertedSliderCrank(ground=3.0, crank=1.0, offset=1e-320),
     )
@@ -286,19 +287,19 @@ def test_all_faults_of_a_linkage_come_at_once():
 )
 def test_scene_names_the_argument_that_makes_no_sense(arguments, path):
     with pytest.raises(refkin.InvalidScene) as caught:
-        FourBar(4.0, 1.0, 3.5, 3.0).scene(**arguments)
+        ROCKER.scene(**arguments)
 
     assert [path] == [fault.path for fault in caught.value.faults]
 
 
-@pytest.mark.parametrize("linkage", [FourBar(4.0, 1.0, 3.5, 3.0), ScrewJack(0.1)])
+@pytest.mark.parametrize("linkage", [ROCKER, ScrewJack(0.1)])
 def test_a_law_of_a_linkage_may_hold_rows_of_numpy(linkage):
     rows, numbers = (refkin.Polynomial(coefficients=c) for c in (np.array([0.25, 1.0]), (0.25, 1.0)))
 
     assert linkage.scene(law=rows, times=[0.0, 1.0]) == linkage.scene(law=numbers, times=[0.0, 1.0])
 
 
-@pytest.mark.parametrize("linkage", [FourBar(4.0, 1.0, 3.5, 3.0), ScrewJack(0.1)])
+@pytest.mark.parametrize("linkage", [ROCKER, ScrewJack(0.1)])
 def test_words_of_a_scene_stand_in_a_list(linkage):
     with pytest.raises(refkin.InvalidScene, match="effects: expected a list of words, got 'velocity'"):
         linkage.scene(effects="velocity")
@@ -307,7 +308,7 @@ def test_words_of_a_scene_stand_in_a_list(linkage):
 def test_crank_that_cannot_turn_is_refused_with_its_range():
     """The four-bar 90/30/60/45 cm stops at +-112.024312837042 degrees = 1.955193 rad."""
     with pytest.raises(refkin.InvalidScene, match=r"turns: .*\[-1\.95519, 1\.95519\] rad"):
-        FourBar(0.9, 0.3, 0.6, 0.45).scene(turns=1)
+        LIMITED.scene(turns=1)
 
 
 @pytest.mark.parametrize(
@@ -329,9 +330,7 @@ def test_limit_of_the_textbook_four_bar_is_right_to_fifteen_digits():
 
 
 def test_scene_of_the_readme_has_the_times_and_the_law_asked_for():
-    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
-        speed=2.0, turns=1, samples=361, branch="open"
-    )
+    scene = ROCKER.scene(speed=2.0, turns=1, samples=361, branch="open")
 
     assert (361, 0.0, math.pi) == (len(scene.times), scene.times[0], scene.times[-1])
     assert scene.mechanism.drivers[0].law == refkin.Polynomial(coefficients=(0.0, 2.0))
@@ -414,7 +413,7 @@ def test_estimate_is_rounded_finer_than_the_distance_of_the_assemblies(decade, s
     assert error <= min(0.005, math.sqrt(part) / 20) + 16 * U
 
 
-@pytest.mark.parametrize("linkage", [FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0), ScrewJack(0.1)])
+@pytest.mark.parametrize("linkage", [ROCKER, ScrewJack(0.1)])
 def test_times_without_a_law_are_those_of_a_constant_speed(linkage):
     scene = linkage.scene(speed=0.5, start=0.25, times=(-1.0, 0.0, 3.0))
     driver = scene.mechanism.drivers[0]

@@ -18,6 +18,7 @@ from refkin.joints import Gear
 from refkin.model import _diameter
 from refkin.scenes.linkages import Hooke
 from refkin.solving.follow import driven_by
+from tests.linkages import ROCKER
 from tests.places import EXAMPLES
 
 LAW = Polynomial(coefficients=(0.0, 1.0))
@@ -66,7 +67,6 @@ def test_lists_and_arrays_make_the_same_scene(file):
 
 
 ROW = np.array([1.0, 2.0])
-BARS = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 SYSTEM = refkin.compile_system(mechanism())
 TABLE = Table(argument=np.array([0.0, 1.0, 2.0]), value=[0.0, 1.0, 1.5])
 WRONG = {
@@ -138,9 +138,9 @@ WRONG = {
     "driver[0].law.periodic: expected False or True, got 'no'": lambda: mechanism(law=replace(TABLE, periodic="no")),
     "effects: expected some of velocity, acceleration, got {}": lambda: scene(effects=[{}]),
     "evidence: expected some of condition, certificate, got {}": lambda: scene(evidence=[{}]),
-    "driven: expected crank; rocker; coupler": lambda: BARS.scene(driven=ROW),
-    "turns: expected so few that they end at some time, at 2.0 rad/s, got 1e+308": lambda: BARS.scene(turns=1e308),
-    "turns: expected so few that they end at some time, at 5e-324 rad/s, got 1": lambda: BARS.scene(speed=5e-324),
+    "driven: expected crank; rocker; coupler": lambda: ROCKER.scene(driven=ROW),
+    "turns: expected so few that they end at some time, at 2.0 rad/s, got 1e+308": lambda: ROCKER.scene(turns=1e308),
+    "turns: expected so few that they end at some time, at 5e-324 rad/s, got 1": lambda: ROCKER.scene(speed=5e-324),
 }
 
 
@@ -226,7 +226,7 @@ ASKED = {
     "q0: expected numbers, got 1000": lambda: refkin.newton(abs, abs, 10**400),
     "phi: expected numbers, got 'a'": lambda: refkin.newton(lambda q: "a", abs, 1.0),
     "phi_q: expected a matrix of shape (1, 1), got shape () of <U1": lambda: refkin.newton(abs, lambda q: "a", 1.0),
-    "name: expected a str, got a ndarray": lambda: BARS.scene(name=ROW),
+    "name: expected a str, got a ndarray": lambda: ROCKER.scene(name=ROW),
     "until: expected two numbers, got ['0', '3']": lambda: refkin.follow(scene(), until=["0", "3"]),
     "until: expected two values that t = 0, where the path begins, is between, got (1.0, 2.0)": lambda: refkin.follow(
         scene(), until=ROW
@@ -245,7 +245,7 @@ ASKED = {
     "file: expected a str or PathLike, got a bool": lambda: refkin.solve(scene()).to_csv(True),
     "file: expected a str or PathLike, got a int": lambda: refkin.solve(scene()).plot().save(3),
     "form: expected 'wide' or 'long', got ['wide']": lambda: refkin.solve(scene()).to_dataframe(["wide"]),
-    "value: expected a finite number [rad, or m], got 'a'": lambda: BARS.plot("a"),
+    "value: expected a finite number [rad, or m], got 'a'": lambda: ROCKER.plot("a"),
     "value: expected a finite number [rad], got 'a'": lambda: Hooke(beta=0.5).assemble("a"),
     "FourBar: crank: expected a length above 0 [m], got -1.0": lambda: refkin.FourBar(4.0, np.float64(-1.0), 3.5, 3.0),
     "FourBar: crank: expected a length above 0 [m], got np.float32(inf)": lambda: refkin.FourBar(

@@ -25,15 +25,14 @@ from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
 from refkin.scenes.linkages import RSSP, Hooke
 from refkin.solving.follow import driven_by
-from tests.linkages import remade
+from tests.linkages import ROCKER, remade
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
 def scene():
-    linkage = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    drawn = linkage.scene(speed=2.0, turns=1, samples=9, branch="open")
+    drawn = ROCKER.scene(speed=2.0, turns=1, samples=9, branch="open")
     return replace(drawn, points=(refkin.Point(name="P", body="coupler", position=(0.3, 0.2)),))
 
 

@@ -30,7 +30,7 @@ from refkin.solving.solve import solve
 from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near
-from tests.linkages import remade, system_of, with_law
+from tests.linkages import ROCKER, remade, system_of, with_law
 from tests.places import CORPUS, ROOT
 
 ORIGIN = (0.0, 0.0)
@@ -118,7 +118,7 @@ def test_a_contradiction_is_one_as_soon_as_rounding_does_not_explain_it(monkeypa
 
 def test_rounding_is_no_contradiction():
     """A joint that is there twice changes no answer, and contradicts nothing."""
-    scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.3, -0.7)), times=TIMES)
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.3, -0.7)), times=TIMES)
     once, again = solve(scene), solve(doubled(scene)[1])
     assert again.verdict is Status.OK, f"{again.verdict} {again.message}"
     for level in ("q", "qd", "qdd"):
@@ -145,7 +145,7 @@ def test_a_table_of_a_cubic_does_not_contradict_it_on_another_crank():
 def test_accelerations_contradict_where_a_pin_that_is_there_twice_is_a_little_aside():
     """What explains them is a sum of bounds: were one taken off, a contradiction would be less than nothing."""
     times = np.linspace(0.0, 0.8, 5)
-    scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=tuple(times.tolist()))
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=tuple(times.tolist()))
     system, twice = doubled(scene)
     q = system.to_unit(solve(twice).q)
     *joints, again = twice.mechanism.joints
@@ -158,9 +158,9 @@ def test_accelerations_contradict_where_a_pin_that_is_there_twice_is_a_little_as
 
 def test_a_change_of_branch_is_seen_with_redundant_rows():
     """Where no determinant has a sign, that of independent rows tells one branch from the other."""
-    linkage, law = FourBar(4.0, 1.0, 3.5, 3.0), Polynomial(coefficients=(0.4, 1.0))
-    poses = [solve(doubled(linkage.scene(law=law, times=TIMES, branch=b))[1]) for b in Branch]
-    system, _ = doubled(linkage.scene(law=law, times=TIMES))
+    law = Polynomial(coefficients=(0.4, 1.0))
+    poses = [solve(doubled(ROCKER.scene(law=law, times=TIMES, branch=b))[1]) for b in Branch]
+    system, _ = doubled(ROCKER.scene(law=law, times=TIMES))
     first, other = (system.to_unit(motion.q) for motion in poses)
     sweep = Sweep(system, [TIMES[0]], [first[:, 0]])
     assert sweep._sides(first[:, 1], TIMES[1])[0], "the next pose of the branch is taken for another branch"
@@ -192,12 +192,11 @@ def test_the_size_of_wheels_is_nothing_to_mobility():
 
 def test_no_other_solution_is_within_the_proved_distance():
     """Near the dead centre of a lever, whose two poses lie an angle of 2 apart, what is unique is less than that."""
-    linkage = FourBar(4.0, 1.0, 3.5, 3.0)
-    low, high = linkage.input_range("rocker")[0]
+    low, high = ROCKER.input_range("rocker")[0]
     for away in (1e-2, 1e-4):
         law = Polynomial(coefficients=(high - away * (high - low), -1e-3))
-        motions = [solve(linkage.scene(law=law, times=TIMES[:2], driven="rocker", branch=b)) for b in Branch]
-        system = compile_system(linkage.scene(law=law, times=TIMES[:2], driven="rocker").mechanism)
+        motions = [solve(ROCKER.scene(law=law, times=TIMES[:2], driven="rocker", branch=b)) for b in Branch]
+        system = compile_system(ROCKER.scene(law=law, times=TIMES[:2], driven="rocker").mechanism)
         poses = [motion.q for motion in motions]
         apart = np.max(np.abs(np.mod(poses[0] - poses[1] + math.pi, math.tau) - math.pi), axis=0)
         q, t = poses[0], np.array(TIMES[:2])
@@ -210,7 +209,7 @@ def test_no_other_solution_is_within_the_proved_distance():
 @pytest.mark.parametrize(("off", "near"), [(0.0, True), (2e-3, False)])
 def test_a_choice_of_rows_that_float64_does_not_prove_is_bounded_by_balls_if_its_pose_is_near(monkeypatch, off, near):
     """A pose that is far from the answer in one coordinate alone is another one."""
-    system, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    system, scene = doubled(ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
     motion, shift, last = solve(scene), 1e-9, slice(2, 3)
     q, qd, qdd = (system.to_unit(level, k)[:, last] for k, level in enumerate(motion.levels))
     q = q + shift * (off == 0.0)
@@ -227,7 +226,7 @@ def test_a_choice_of_rows_that_float64_does_not_prove_is_bounded_by_balls_if_its
 def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too(monkeypatch):
     """At a share of what is unique eight shares are put on the distance; and none of it is put on that of the proof."""
     law = Polynomial(coefficients=(0.4, 1.0))
-    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=TIMES))
+    _, scene = doubled(ROCKER.scene(law=law, times=TIMES))
     motion, (*joints, again) = solve(scene), scene.mechanism.joints
     longer = replace(scene.mechanism, joints=(*joints, replace(again, point_j=(-0.5 + 1e-9, 1e-9))))
     system = compile_system(longer, unit=longer.unit())
@@ -286,14 +285,14 @@ def test_a_door_may_hang_on_any_number_of_hinges(hinges):
 
 def test_the_fast_path_says_which_choices_its_bounds_cover_too(monkeypatch):
     monkeypatch.setattr(choices, "MOST_CHOICES", 2)
-    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    _, scene = doubled(ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
 
     assert "more than 2 ways: the bounds cover inverses" in fast.attempt(scene).message
 
 
 def test_what_is_proved_of_a_pose_is_the_same_beside_poses_that_are_proved_by_other_rows():
     """Each pose by its own rows, all at once, and by how much the rows that are left out contradict them."""
-    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    _, scene = doubled(ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
     motion, (*joints, again) = solve(scene), scene.mechanism.joints
     aside = replace(again, point_j=(again.point_j[0] + 1e-9, again.point_j[1] + 1e-9))
     system = compile_system(replace(scene.mechanism, joints=(*joints, aside)), unit=scene.mechanism.unit())
@@ -317,7 +316,7 @@ def test_norms_bound_how_far_choices_of_rows_lead_and_not_by_much_more(law):
 
     Nearly at rest accelerations change with the pose far more than with the velocity.
     """
-    scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=law), times=TIMES))[1]
+    scene = doubled(ROCKER.scene(law=Polynomial(coefficients=law), times=TIMES))[1]
     motion, (*joints, again) = solve(scene), scene.mechanism.joints
     longer = replace(scene.mechanism, joints=(*joints, replace(again, point_j=(-0.5 + 1e-9, 1e-9))))
     system = compile_system(longer, unit=longer.unit())
@@ -335,7 +334,7 @@ def test_norms_bound_how_far_choices_of_rows_lead_and_not_by_much_more(law):
 
 def test_the_radius_of_a_velocity_is_the_same_whether_accelerations_are_asked_for_or_not():
     """Of three levels over all choices of rows each is its own."""
-    system, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    system, scene = doubled(ROCKER.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
     q, qd, qdd = (system.to_unit(level, k) for k, level in enumerate(solve(scene).levels))
     radii = []
     for rates in ((qd,), (qd, qdd)):

@@ -13,10 +13,10 @@ from crosscheck.engines.ours import batch as module
 from crosscheck.engines.ours.batch import SINES, RefkinBatch
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
-from refkin import FourBar, Sinusoid
+from refkin import Sinusoid
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, elements_of
 from refkin.scenes.files import load
-from tests.linkages import LIMITED, with_law
+from tests.linkages import LIMITED, PARALLELOGRAM, with_law
 from tests.places import ROOT
 
 from .scenes import ROCKER, SCENES, bare
@@ -100,8 +100,7 @@ def test_sines_of_half_angles_are_as_good_as_the_term_says():
 
 
 def test_near_a_change_point_a_night_has_a_refusal_and_no_disagreement():
-    linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
-    record = check(linkage.scene(turns=1, samples=8, start=0.3), [RefkinBatch()])
+    record = check(PARALLELOGRAM.scene(turns=1, samples=8, start=0.3), [RefkinBatch()])
 
     assert any(row.reason.startswith("refkin-batch refuses") for row in record.refusals)
     assert [d for d in record.disagreements if d.engine == RefkinBatch.name] == []

@@ -79,7 +79,7 @@ def test_a_point_is_wanted_with_its_body():
 @pytest.mark.parametrize("far", [0.0, 50.0])
 def test_a_status_says_nothing_of_bodies_that_are_left_out_and_the_message_says_so(far):
     """A coupler that is 46.5 m too short; or one that is not."""
-    whole = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    whole = ROCKER.scene(samples=5)
     moved = [replace(j, point_i=(j.point_i[0] + far, 0.0)) if j.name == "B0" else j for j in whole.mechanism.joints]
     asked = replace(whole, mechanism=replace(whole.mechanism, joints=tuple(moved)), bodies_wanted=("crank",))
     less = replace(asked, evidence=frozenset({refkin.Evidence.CERTIFICATE}))

@@ -13,7 +13,7 @@ import refkin
 from refkin import Body, Distance, DistanceDriver, Effect, Mechanism, Polynomial, Revolute, Scene, Status
 from refkin.errors import InvalidScene, RefkinError
 from refkin.fast import SparseSystem, attempt, program_of, solve_large, sweep
-from tests.linkages import system_of
+from tests.linkages import ROCKER, system_of
 from tests.places import ROOT
 
 from .linkworks import chain
@@ -182,8 +182,7 @@ def test_what_it_does_not_take_is_refused_by_what_it_is():
         solve_large(twice)
     with pytest.raises(RefkinError, match="bodies are spatial"):
         solve_large(refkin.load(ROOT / "examples/rssr.toml"))
-    bars = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
-    for one, given in product((solve_large, sweep, attempt, program_of), (bars, None)):
+    for one, given in product((solve_large, sweep, attempt, program_of), (ROCKER, None)):
         with pytest.raises(TypeError, match=f"scene: expected a Scene, got a {type(given).__name__}"):
             one(given)
 

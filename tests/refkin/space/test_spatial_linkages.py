@@ -33,7 +33,7 @@ from refkin.scenes.linkages.base import DoesNotAssemble
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import in_form
 from refkin.system import compile_system
-from tests.linkages import remade, without_estimates
+from tests.linkages import ROCKER, remade, without_estimates
 from tests.mutation.change import mutated
 
 EVERY = {
@@ -404,39 +404,37 @@ def test_joints_in_every_form_give_one_motion(name, form):
 @pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
 def test_near_its_limit_an_rssr_is_solved_or_says_that_it_is_not(distance):
     """The rocker reaches furthest where K^2 = P^2 + Q^2; the errors grow as 1/sqrt(d), and no ok is wrong."""
-    linkage = LIMITED
 
     def margin(theta):
         with mpmath.workdps(40):
-            f, g = exact_frame(linkage.axis)
-            w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(linkage.pivot)
-            k = (dot(w, w) + 4 - mpmath.mpf(linkage.coupler) ** 2) / 4
+            f, g = exact_frame(LIMITED.axis)
+            w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(LIMITED.pivot)
+            k = (dot(w, w) + 4 - mpmath.mpf(LIMITED.coupler) ** 2) / 4
             return 1 - abs(k) / mpmath.hypot(dot(w, f), dot(w, g))
 
     with mpmath.workdps(40):
         inside = next(x / 50 for x in range(315) if margin(mpmath.mpf(x) / 50) > 0)
         limit = mpmath.findroot(margin, (inside - 0.02, inside), solver="anderson", tol=1e-60)
         theta = float(limit) + distance
-        w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(linkage.pivot)
-        f, g = exact_frame(linkage.axis)
+        w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(LIMITED.pivot)
+        f, g = exact_frame(LIMITED.axis)
         p, q = dot(w, f), dot(w, g)
-        k = (dot(w, w) + 4 - mpmath.mpf(linkage.coupler) ** 2) / 4
+        k = (dot(w, w) + 4 - mpmath.mpf(LIMITED.coupler) ** 2) / 4
         truth = [float(mpmath.atan2(q, p) + s * mpmath.acos(k / mpmath.hypot(p, q))) for s in (1, -1)]
-    motion = refkin.solve(linkage.scene(law=Polynomial(coefficients=(theta,)), times=(0.0,)))
+    motion = refkin.solve(LIMITED.scene(law=Polynomial(coefficients=(theta,)), times=(0.0,)))
 
     assert motion.verdict in (Status.OK, Status.SINGULAR)
     if motion.verdict is Status.OK:
-        psi = angle(motion, "rocker", linkage.axis, tuple(float(x) for x in f))
+        psi = angle(motion, "rocker", LIMITED.axis, tuple(float(x) for x in f))
         error = min(off(psi, t) for t in truth)
         assert error < 4 * motion.certified_radius.position[0] + 1e-15
     assert motion.verdict is Status.OK or distance < 1e-11
 
 
 def test_an_rssr_is_followed_through_its_limit():
-    linkage = LIMITED
-    start = next(x / 10 for x in range(63) if _assembles(linkage, x / 10) and _assembles(linkage, x / 10 + 0.2))
+    start = next(x / 10 for x in range(63) if _assembles(LIMITED, x / 10) and _assembles(LIMITED, x / 10 + 0.2))
     law = Polynomial(coefficients=(start + 0.1, 1.0))
-    path = refkin.follow(linkage.scene(law=law, times=(0.0,)), most_points=60)
+    path = refkin.follow(LIMITED.scene(law=law, times=(0.0,)), most_points=60)
 
     assert len(path.turning_points) >= 1
     assert np.max(path.residual) < 1e-13
@@ -637,7 +635,7 @@ def massless(scene):
     return replace(scene, mechanism=Mechanism((m.bodies[0], m.bodies[2]), (*joints, link), m.drivers))
 
 
-FOUR_BAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9, start=0.3)
+FOUR_BAR = ROCKER.scene(samples=9, start=0.3)
 PLANAR = {
     "four-bar, balls at the coupler": (FOUR_BAR, "AB"),
     "four-bar, hinges alone": (FOUR_BAR, ""),
