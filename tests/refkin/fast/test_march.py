@@ -99,26 +99,17 @@ def test_no_step_turns_a_driven_link_by_more_than_a_radian():
     assert np.max(np.diff([2.0 * p.t for p in poses])) <= 1.0
 
 
-def test_a_step_to_the_other_branch_is_refused():
-    """Predicted onto the mirrored branch, Newton contracts there: the sign of the determinant tells."""
+def test_a_step_to_the_other_branch_a_bend_and_numbers_that_leave_their_range_are_refused():
+    """On the mirrored branch Newton contracts: the determinant tells; rates are others as beyond a crossing."""
     work = task()
-    start = work._start()
-    other = ROCKER.assemble(0.0, "crossed")
-    mirrored = Pose(start.t, ((other["coupler"][2], other["rocker"][2]), *start.levels[1:]), start.laws)
+    start, other = work._start(), ROCKER.assemble(0.0, "crossed")
+    pose, rates, second = start.levels
+    mirrored = (other["coupler"][2], other["rocker"][2]), rates, second
+    bent, lost = (pose, tuple(v + 0.5 for v in rates), second), ((math.inf, 0.0), rates, second)
 
-    assert work.march.step(1e-6, start, None) is not None
-    assert work.march.step(1e-6, mirrored, None) is None
-
-
-def test_a_bend_is_refused():
-    """A pose where it was predicted, with rates that were not: as on the other branch beyond a crossing."""
-    work = task()
-    start = work._start()
-    bent = Pose(start.t, (start.levels[0], tuple(v + 0.5 for v in start.levels[1]), start.levels[2]), start.laws)
-    h = 1e-3
-
-    assert work.march.step(h, start, None) is not None
-    assert work.march.step(h, bent, None) is None
+    for h, levels in ((1e-6, mirrored), (1e-3, bent), (0.1, lost)):
+        assert work.march.step(h, start, None) is not None
+        assert work.march.step(h, Pose(start.t, levels, start.laws), None) is None
 
 
 @pytest.mark.parametrize(("slack", "begins"), [(0.7e-9, False), (0.85e-9, True)])
@@ -130,14 +121,6 @@ def test_no_march_begins_where_branches_are_a_hundred_thousandth_apart(slack, be
 
     assert 0.95e-5 < march._newton(laws, core).pivots[0] < 1.07e-5
     assert (march.start(math.pi / 2, core, laws) is not None) is begins
-
-
-def test_numbers_that_leave_their_range_refuse_a_step():
-    work = task()
-    start = work._start()
-    lost = Pose(start.t, ((math.inf, 0.0), *start.levels[1:]), start.laws)
-
-    assert work.march.step(0.1, lost, None) is None
 
 
 def test_a_march_ends_after_so_many_steps():
