@@ -443,46 +443,39 @@ def test_samples_on_the_other_branch_are_noticed_though_their_residual_is_round_
     assert not compare(reference(scene), motion).agrees
 
 
-def test_a_wrong_instruction_is_noticed(monkeypatch):
-    """Every subtraction of the answer that makes a coordinate of the coupler is off by 1e-9."""
-    scene = bare(ROCKER.scene(samples=50))
-    subtract = run.FUNCTIONS["sub"]
+@pytest.fixture
+def attempted_wrongly(monkeypatch):
+    """What is answered of a scene where an instruction is off by 1e-9."""
+    forget = importlib.import_module("refkin.fast.compiled").forget
 
-    def wrong(a, b, out):
-        subtract(a, b, out)
-        out += 1e-9
+    def attempted(scene, name):
+        right = run.FUNCTIONS[name]
 
-    forget()
-    monkeypatch.setitem(run.FUNCTIONS, "sub", wrong)
-    try:
-        assert module.attempt(scene) is None
-    finally:
-        forget()
+        def wrong(*numbers):
+            right(*numbers)
+            numbers[-1][...] += 1e-9
 
-
-def test_with_the_verification_skipped_a_wrong_instruction_is_answered(monkeypatch):
-    """Then the comparison with the reference goes red."""
-    scene = bare(ROCKER.scene(samples=50))
-    copy = run.FUNCTIONS["copy"]
-
-    def wrong(a, out):
-        copy(a, out)
-        out += 1e-9  # the crank's angle and its rates, which the program copies from the law
+        monkeypatch.setitem(run.FUNCTIONS, name, wrong)
+        return module.attempt(scene)
 
     forget()
-    monkeypatch.setitem(run.FUNCTIONS, "copy", wrong)
+    yield attempted
+    forget()
+
+
+def test_a_wrong_instruction_is_noticed(attempted_wrongly):
+    """Every subtraction of the answer that makes a coordinate of the coupler is off."""
+    assert attempted_wrongly(bare(ROCKER.scene(samples=50)), "sub") is None
+
+
+def test_with_the_verification_skipped_a_wrong_instruction_is_answered(monkeypatch, attempted_wrongly):
+    """Then the comparison with the reference goes red: the angle of the crank and its rates are copied from the law."""
+    scene = bare(ROCKER.scene(samples=50))
     monkeypatch.setattr(answer, "is_round_off", lambda residual, q: np.array(True))
-    try:
-        motion = module.attempt(scene)
-    finally:
-        forget()
+    motion = attempted_wrongly(scene, "copy")
 
     assert motion is not None
     assert not compare(reference(scene), motion).agrees
-
-
-def forget():
-    importlib.import_module("refkin.fast.compiled").forget()
 
 
 @pytest.mark.parametrize("stage", ["_start", "_marched", "_samples"])
