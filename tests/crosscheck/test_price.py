@@ -6,7 +6,6 @@ import json
 import math
 from dataclasses import asdict, astuple, replace
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -30,38 +29,20 @@ from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
 from tests.crosscheck import price_fakes
 from tests.linkages import PARALLELOGRAM, ROCKER
+from tests.places import EXAMPLES
 
-from .report_records import price_row
+from .report_records import QUANTITIES, price_row
 
-HERE = Path(__file__).parent
-EXAMPLE = HERE.parent.parent / "examples" / "crank-rocker.toml"
-KEYS = {
-    "engine",
-    "method",
-    "setting",
-    "quantity",
-    "digits",
-    "digits_attainable",
-    "microseconds",
-    "spread",
-    "digits_one",
-    "microseconds_one",
-    "spread_one",
-    "digits_bulk",
-    "microseconds_bulk",
-    "spread_bulk",
-    "microseconds_to_build",
-    "unasked_bulk",
-    "newton_by",
-    "note",
-}
+KEYS = {"engine", "method", "setting", "quantity", "newton_by", "note"}
+KEYS |= {"digits_attainable", "microseconds_to_build", "unasked_bulk"}
+KEYS |= {f"{number}{poses}" for number in ("digits", "microseconds", "spread") for poses in ("", "_one", "_bulk")}
 
 
 def scene(**more):
     return ROCKER.scene(speed=2.0, turns=0.1, samples=5, **more)
 
 
-MADE_UP, HANGING = (f"{HERE / 'price_fakes.py'}:{name}" for name in ("MadeUp", "Hanging"))
+MADE_UP, HANGING = (f"{price_fakes.__file__}:{name}" for name in ("MadeUp", "Hanging"))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +67,7 @@ def test_an_answer_that_is_the_truth_has_as_many_digits_as_the_truth_is_proved_t
     assert f"truth proved to {row.digits:.1f} digits" in row.note
 
 
-@pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize("quantity", QUANTITIES)
 def test_the_truth_has_no_fewer_digits_than_half_an_ulp_of_the_scene_leaves(made_up, quantity):
     row = row_of(made_up, "right", quantity=quantity)
 
@@ -399,7 +380,7 @@ def test_a_list_is_printed_though_its_page_cannot_be_written(again, tmp_path):
 
 def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, command):
     path = tmp_path / "scene.toml"
-    text = EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3")
+    text = (EXAMPLES / "crank-rocker.toml").read_text(encoding="utf-8").replace("count = 73", "count = 3")
     path.write_text(text.replace('["acceleration", "velocity"]', "[]"), encoding="utf-8")
     code, out, err = command("price", path, "--json", "--page", tmp_path / "page.html")
     data = json.loads(out)
@@ -419,7 +400,7 @@ def test_what_stands_in_a_table_is_timed_first_then_what_is_near_and_what_costs_
 
     def run(engine, name, setting, seconds, digits):
         method = SimpleNamespace(key=(engine, name, setting), newton_by="", at_once=False)
-        answered = {quantity: (digits, "") for quantity in ("position", "velocity", "acceleration")}
+        answered = {quantity: (digits, "") for quantity in QUANTITIES}
         return price_process._Run(method, 2, {}, {"cycle": seconds}, {"cycle": answered})
 
     given = [
@@ -459,7 +440,7 @@ def test_what_stands_in_a_table_is_timed_first_then_what_is_near_and_what_costs_
 
 def test_of_a_setting_the_quantities_are_timed_of_which_it_may_be_the_cheapest():
     """Its position alone is near the cheapest, which is told by what part of a call that takes."""
-    answered = {quantity: (9.5, "") for quantity in ("position", "velocity", "acceleration")}
+    answered = {quantity: (9.5, "") for quantity in QUANTITIES}
     runs = []
     for name, took, parts in (("best", 1.0, {0: 0.6, 1: 0.9}), ("second", 1.5, {}), ("third", 5.0, {0: 0.2, 1: 0.7})):
         method = SimpleNamespace(key=("one", name, ""), newton_by="", at_once=name == "second")
@@ -479,13 +460,19 @@ def test_what_part_of_a_call_position_takes_is_known_of_the_quickest_too(monkeyp
     assert [run.expected("cycle", order) for order in range(3)] == pytest.approx([3e-4, 5e-4, 6e-4])
 
 
-def test_a_price_that_was_timed_with_rates_alone_says_so():
-    key, levels = ("made up", "newton", ""), ("position", "velocity", "acceleration")
-    answer = {"newton_by": "nobody", "note": "", "cycle": dict.fromkeys(levels, (9.0, ""))}
-    known = {"answered": {key: answer}, "attainable": dict.fromkeys(levels, 15.0)}
-    rows = measuring._rows(scene(), measuring._Progress(**known, timed={(key, "cycle", 2): (6e-6, 0.1)}))
+def rows_of_cycle(timed, **more):
+    """Return the rows of a method that was asked for a cycle: (seconds, spread) of it by the highest order."""
+    key, nines = ("made up", "newton", ""), dict.fromkeys(QUANTITIES, (9.0, ""))
+    answered = {key: {"newton_by": "nobody", "note": "", "cycle": nines, **more}}
+    took = {(key, "cycle", order): seconds for order, seconds in timed.items()}
+    known = {"answered": answered, "attainable": dict.fromkeys(QUANTITIES, 15.0)}
+    return list(measuring._rows(scene(), measuring._Progress(**known, timed=took)))
 
-    assert [row.note for row in rows] == ["one cycle timed with rates", "one cycle timed with rates", ""]
+
+def test_a_price_that_was_timed_with_rates_alone_says_so():
+    notes = [row.note for row in rows_of_cycle({2: (6e-6, 0.1)})]
+
+    assert notes == ["one cycle timed with rates", "one cycle timed with rates", ""]
 
 
 class Clock:
@@ -560,9 +547,8 @@ def test_a_price_is_what_one_new_pose_costs_in_a_cycle_alone_and_in_bulk(sent):
 
 def test_what_cannot_be_the_cheapest_is_not_called_again(sent):
     assert set(timings(sent, "dear")) == {("cycle", LAST), ("one", LAST)}
-    assert (
-        sent.count(("asked", ("made up", "dear", ""))) == 1 + 3
-    )  # a cycle, and three poses of it: so long that one tells
+    asked = sent.count(("asked", ("made up", "dear", "")))
+    assert asked == 1 + 3  # a cycle, and three poses of it: so long that one tells
 
 
 def test_a_method_that_steps_in_time_goes_one_pose_before_the_one_that_is_new(sent):
@@ -583,7 +569,7 @@ def test_what_has_no_answer_in_bulk_is_priced_but_there(sent):
     assert {poses for poses, _ in timings(sent, "cycles alone")} == {"cycle", "one"}
     judged = len(range(0, BULK, JUDGED))
     assert digits["cycles alone"]["position"] == (None, f"no answer at {judged} of {judged} times")
-    assert min(digits["plain"][quantity][0] for quantity in ("position", "velocity", "acceleration")) > 12.0
+    assert min(digits["plain"][quantity][0] for quantity in QUANTITIES) > 12.0
 
 
 def test_a_cycle_is_the_longest_run_of_times_that_have_a_truth(monkeypatch):
@@ -624,19 +610,11 @@ def test_what_may_be_the_cheapest_in_bulk_is_told_by_what_more_poses_take(monkey
     left out, as its proofs, which are asked for together, seemed to cost a third of it.
     """
     listed = {"slow": (20.0, 4 * 0.2), "gains": (30.0, 4 * 500.0), "together": (20.0, 0.0), "next": (4.0, 4 * 0.04)}
-    digits = {poses: dict.fromkeys(("position", "velocity", "acceleration"), (9.0, "")) for poses in ("one", "cycle")}
-    runs = [
-        price_process._Run(
-            SimpleNamespace(
-                key=("made up", name, ""), newton_by="", steps=False, at_once=False, together=name == "together"
-            ),
-            2,
-            {},
-            {"cycle": c, "one": o},
-            digits,
-        )
-        for name, (c, o) in listed.items()
-    ]
+    digits = {poses: dict.fromkeys(QUANTITIES, (9.0, "")) for poses in ("one", "cycle")}
+    runs, who = [], {"newton_by": "", "steps": False, "at_once": False}
+    for name, (cycle, one) in listed.items():
+        method = SimpleNamespace(key=("made up", name, ""), together=name == "together", **who)
+        runs.append(price_process._Run(method, 2, {}, {"cycle": cycle, "one": one}, digits))
     asked = {
         "cycle": PriceQuestion(((SimpleNamespace(times=range(73)), None),), ()),
         "one": PriceQuestion(((SimpleNamespace(times=[0.0]), None),) * 4, ()),
@@ -684,7 +662,7 @@ def test_bulk_is_a_thousand_poses_over_the_same_time():
 def test_the_spread_of_a_price_is_that_of_its_rounds_and_a_single_one_has_none(monkeypatch, turns, told):
     method, messages = SimpleNamespace(key=("made up", "newton", ""), newton_by="", at_once=True, steps=False), []
     asked = {"one": PriceQuestion(((SimpleNamespace(times=[0.0]), None),), ())}
-    digits = {"one": dict.fromkeys(("position", "velocity", "acceleration"), (9.0, ""))}
+    digits = {"one": dict.fromkeys(QUANTITIES, (9.0, ""))}
     run = price_process._Run(method, 2, {"one": [Model(lambda order: None, list)]}, {"one": 1e-3}, digits)
     monkeypatch.setattr(
         price_process, "timed_in_turns", lambda calls, **_: dict.fromkeys(calls, timing.Timing(1.0, 0.5, turns))
@@ -769,7 +747,7 @@ def listed(sent, monkeypatch):
 def test_the_list_holds_what_the_process_said_and_of_a_method_that_ended_it_how(listed):
     prices, asked, *_ = listed
     poses = {"": TIMES, "_one": 1, "_bulk": BULK}
-    for order, quantity in enumerate(("position", "velocity", "acceleration")):
+    for order, quantity in enumerate(QUANTITIES):
         plain, ended = row_of(prices, "plain", "", quantity), row_of(prices, "steps", "", quantity)
         at_once, cycles = row_of(prices, "at once", "", quantity), row_of(prices, "cycles alone", "", quantity)
 
@@ -799,36 +777,20 @@ def test_whoever_waits_is_told_how_often_a_method_was_begun_with_and_which(liste
 
 
 def test_what_was_timed_once_is_said_to_be_and_costs_what_that_took():
-    key = ("made up", "newton", "")
-    answer = {"newton_by": "nobody", "note": "", "highest": 1, "cycle": {"position": (9.0, "a limit")}}
-    known = {"answered": {key: answer}, "attainable": dict.fromkeys(("position", "velocity", "acceleration"), 15.0)}
-    progress = measuring._Progress(**known, timed={(key, "cycle", -1): (2e-6, None)})
-    position, velocity = measuring._rows(scene(), progress)
+    position, velocity = rows_of_cycle({LAST: (2e-6, None)}, cycle={"position": (9.0, "a limit")}, highest=1)
 
-    assert (position.microseconds, velocity.microseconds, position.spread) == (
-        pytest.approx(2.0),
-        pytest.approx(2.0),
-        None,
-    )
-    assert (position.note, position.digits, velocity.digits) == (
-        "a limit; one cycle timed once, all quantities together",
-        9.0,
-        None,
-    )
+    assert (position.microseconds, velocity.microseconds) == pytest.approx((2.0, 2.0))
+    assert (position.spread, position.digits, velocity.digits) == (None, 9.0, None)
+    assert position.note == "a limit; one cycle timed once, all quantities together"
 
 
 def test_a_price_is_that_of_the_cheapest_run_that_gives_the_quantity_and_what_was_not_timed_has_none():
-    key, levels = ("made up", "newton", ""), ("position", "velocity", "acceleration")
-    answer = {"newton_by": "nobody", "note": "", "cycle": dict.fromkeys(levels, (9.0, ""))}
-    timed = {(key, "cycle", order): (seconds, order / 10) for order, seconds in enumerate((5e-6, 4e-6, 6e-6))}
-    known = {"answered": {key: answer}, "attainable": dict.fromkeys(levels, 15.0)}
-    rows = list(measuring._rows(scene(), measuring._Progress(**known, timed=timed)))
+    rows = rows_of_cycle({0: (5e-6, 0.0), 1: (4e-6, 0.1), 2: (6e-6, 0.2)})
 
     assert [(row.microseconds, row.spread) for row in rows] == [(4.0, 0.1), (4.0, 0.1), (6.0, 0.2)]
     assert [row.note for row in rows] == ["one cycle 5 us where it ends with position", "", ""]
-    assert {(row.microseconds_one, row.spread_one, row.microseconds_bulk, row.spread_bulk) for row in rows} == {
-        (None, None, None, None)
-    }
+    others = ("microseconds_one", "spread_one", "microseconds_bulk", "spread_bulk")
+    assert {getattr(row, key) for row in rows for key in others} == {None}
 
 
 def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeypatch, tmp_path):
