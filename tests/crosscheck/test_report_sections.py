@@ -38,49 +38,22 @@ from tests.linkages import ROCKER
 
 from .report_records import answer, disagreement, effect_row, good_answer, of_run, quantity, record, typed, write
 
-PRICES = [
-    {"engine": "mujoco", "method": "newton", "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
-    {"engine": "mujoco", "method": "newton", "setting": "k = 4", "digits": 14.0, "microseconds": 31.0},
-    {"engine": "mujoco", "method": "newton", "setting": "k = 3", "digits": 9.5, "microseconds": 24.0},
-    {"engine": "exudyn", "method": "MainSolverStatic.Newton", "setting": "1e-9", "digits": 8.9, "microseconds": 5.0},
-]
-PRICES = [
-    {
-        **row,
-        "newton_by": "",
-        "quantity": "acceleration",
-        "digits_attainable": 15.0,
-        "spread": 0.05,
-        "scene_class": "regular",
-    }
-    for row in PRICES
+NEWTON = {"engine": "mujoco", "method": "newton"}
+OF_PRICE = {"newton_by": "", "quantity": "acceleration", "digits_attainable": 15.0, "spread": 0.05}
+OF_PRICE |= {"scene_class": "regular"}
+PRICES: list[dict[str, Any]] = [
+    {**OF_PRICE, **NEWTON, "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
+    {**OF_PRICE, **NEWTON, "setting": "k = 4", "digits": 14.0, "microseconds": 31.0},
+    {**OF_PRICE, **NEWTON, "setting": "k = 3", "digits": 9.5, "microseconds": 24.0},
+    {**OF_PRICE, "engine": "exudyn", "method": "Newton", "setting": "1e-9", "digits": 8.9, "microseconds": 5.0},
 ]
 OF_POSITION: Any = {"engine": "refkin", "method": "solve", "microseconds": 20.0, "largest_change": 0.0}
-OF_GRAVITY: Any = {
-    "engine": "mujoco",
-    "inert": False,
-    "largest_change": 1e-3,
-    "worst": "acceleration of crank.phi at t = 1",
-}
-EFFECTS = [asdict(effect_row("position", **OF_POSITION)), asdict(effect_row("gravity", **OF_GRAVITY))]
-HARD = [
-    {"engine": "mujoco", "method": "newton", "case": "dead centre", "verdict": "correct", "class": None, "quote": ""},
-    {
-        "engine": "mujoco",
-        "method": "newton",
-        "case": "dead centre",
-        "verdict": "wrong",
-        "class": "contract violated",
-        "quote": "ok",
-    },
-    {
-        "engine": "mujoco",
-        "method": "newton",
-        "case": "change point",
-        "verdict": "refused",
-        "class": None,
-        "quote": "no",
-    },
+FELT: Any = {"inert": False, "largest_change": 1e-3, "worst": "acceleration of crank.phi at t = 1"}
+EFFECTS = [asdict(effect_row("position", **OF_POSITION)), asdict(effect_row("gravity", engine="mujoco", **FELT))]
+HARD: list[dict[str, Any]] = [
+    {**NEWTON, "case": "dead centre", "verdict": "correct", "class": None, "quote": ""},
+    {**NEWTON, "case": "dead centre", "verdict": "wrong", "class": "contract violated", "quote": "ok"},
+    {**NEWTON, "case": "change point", "verdict": "refused", "class": None, "quote": "no"},
 ]
 
 
