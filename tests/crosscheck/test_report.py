@@ -489,20 +489,12 @@ def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> No
 # Newton histories.
 
 
-def test_regular_history_converges_with_order_two() -> None:
-    regular = newton_histories()[0]
+def test_a_regular_history_converges_with_order_two_and_one_at_a_fold_halves_its_corrections() -> None:
+    histories = newton_histories()
 
-    assert regular["last_order"] == pytest.approx(2.0, abs=0.15)
-
-
-def test_history_at_a_fold_halves_its_corrections() -> None:
-    fold = newton_histories()[-1]
-
-    assert fold["typical_ratio"] == pytest.approx(0.5, abs=0.01)
-
-
-def test_histories_have_one_residual_more_than_corrections() -> None:
-    for history in newton_histories():
+    assert histories[0]["last_order"] == pytest.approx(2.0, abs=0.15)
+    assert histories[-1]["typical_ratio"] == pytest.approx(0.5, abs=0.01)
+    for history in histories:
         assert len(history["residual"]) == len(history["correction"]) + 1 == history["iterations"] + 1
 
 
