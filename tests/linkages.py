@@ -48,6 +48,17 @@ def copied(scene: Scene, names: Collection[str], other: Scene | None = None) -> 
     return remade(scene, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints))
 
 
+def beside(scene: Scene, other: Scene) -> Scene:
+    """Return a scene with the mechanism of another one, each of its parts called a second one, beside its own."""
+
+    def second(part: Any) -> Any:
+        keys = [key for key in ("name", "body", "body_i", "body_j") if getattr(part, key, "ground") != "ground"]
+        return replace(part, **{key: f"{getattr(part, key)} 2" for key in keys})
+
+    m, of, kinds = scene.mechanism, other.mechanism, ("bodies", "joints", "drivers")
+    return remade(scene, **{kind: (*getattr(m, kind), *map(second, getattr(of, kind))) for kind in kinds})
+
+
 def beside_a_wheel(scene: Scene, law: Any) -> Scene:
     """Return a scene with a wheel that a law turns, of which no estimate is given."""
     m = scene.mechanism

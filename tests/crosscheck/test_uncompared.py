@@ -16,11 +16,10 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.uncompared import Uncompared, opened_beside
 from crosscheck.measure.check import check
-from refkin.model import Mechanism
 from refkin.motion import Status
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
-from tests.linkages import ROCKER
+from tests.linkages import ROCKER, beside
 from tests.places import CORPUS, ROOT
 from tests.refkin.test_answers import files
 
@@ -166,21 +165,6 @@ def test_of_some_bodies_the_joints_among_them_and_with_the_ground_are_asked(bodi
     assert [fault["kind"] for fault in Uncompared(ref, moved).unclosed()] == said
 
 
-def named(part, prefix):
-    """Return a part of a mechanism under another name, and with those of its bodies."""
-    keys = [key for key in ("name", "body", "body_i", "body_j") if getattr(part, key, "ground") != "ground"]
-    return replace(part, **{key: prefix + getattr(part, key) for key in keys})
-
-
-def beside(scene, other):
-    """Return a scene with the linkage of another one beside its own."""
-    parts = [
-        [named(part, prefix) for prefix, of in (("a", scene), ("b", other)) for part in getattr(of.mechanism, kind)]
-        for kind in ("bodies", "joints", "drivers")
-    ]
-    return replace(scene, mechanism=Mechanism(*parts))
-
-
 def test_rates_are_asked_of_parts_of_which_all_bodies_answer():
     """At its dead centre a slider stands still, and is rounded as a crank is whose rate the answer does not tell."""
     crank = refkin.SliderCrank(crank=1.0, rod=2.5).scene(
@@ -223,7 +207,7 @@ def test_a_regular_loop_is_on_its_own_branch_also_while_another_is_stretched(arb
     record = check(both, [Made("made", flipped)], {"expected": "singular"}, arbiter=arbiter)
     (said,) = [d for d in record.disagreements if d.method != "rows"]
     assert (said.kind, said.quantity, said.at.time) == (Cause.OTHER_ASSEMBLY, "position", both.times[-1])
-    assert said.at.component[0] == "b"
+    assert " 2." in said.at.component
     assert said.ratio > 1e12
     assert not arbiter or record.answers[0].certificate.outside == 1
 

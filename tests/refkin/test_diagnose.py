@@ -33,7 +33,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import balanced, cone
-from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, posed, remade, system_of
+from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, beside, posed, remade, system_of
 from tests.refkin.assembly_cases import cylinder, pin
 from tests.refkin.test_sweep import three_cranks
 
@@ -74,24 +74,6 @@ def reaching(length):
     driver = cylinder(GROUND, (1.0, 0.0), "link", (1.0, 0.0), length)
     joints = (pin("O", GROUND, (0.0, 0.0), "link", (0.0, 0.0)),)
     return Scene(name="rope", mechanism=Mechanism(bodies=bodies, joints=joints, drivers=(driver,)), times=(0.0,))
-
-
-def beside(one, other):
-    """Two mechanisms in one scene."""
-    names = {b.name: f"{b.name} 2" for b in other.mechanism.bodies}
-    m = other.mechanism
-
-    def renamed(c):
-        ends = {k: names.get(getattr(c, k), getattr(c, k)) for k in ("body", "body_i", "body_j") if hasattr(c, k)}
-        return replace(c, name=f"{c.name} 2", **ends)
-
-    both = replace(
-        one.mechanism,
-        bodies=(*one.mechanism.bodies, *(replace(b, name=names[b.name]) for b in m.bodies)),
-        joints=(*one.mechanism.joints, *map(renamed, m.joints)),
-        drivers=(*one.mechanism.drivers, *map(renamed, m.drivers)),
-    )
-    return replace(one, mechanism=both)
 
 
 def held_by_height():
