@@ -14,6 +14,7 @@ from refkin.model import Body, Mechanism
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.proof.numbers.bounded import Bounded, Bounds, Extended, InputError, Times, bounded_system, box, off_by, read
 from refkin.proof.numbers.exact import exact, exact_system
+from refkin.proof.pose.krawczyk import objects
 from refkin.system import compile_system
 
 from .assembled import FAMILIES
@@ -170,12 +171,6 @@ def evaluated(system: Any, q: Any, qd: Any, t: Any) -> Any:
     )
 
 
-def objects(q: Any) -> Any:
-    out = np.empty(len(q), object)
-    out[:] = [arb(float(x)) for x in q]
-    return out
-
-
 EVERY = [*range(len(FAMILIES)), "tip on lobes", "plate over lobes", "roller over lobes"]
 
 
@@ -192,7 +187,8 @@ def excess(family: int | str, kind: type[Bounded], radius: float, corner: bool) 
         moves = rng.choice([-1.0, 1.0], (2, len(q))) if corner else rng.uniform(-1, 1, (2, len(q)))
         at, moving = q + moves[0] * radius * (1 - 1e-6), qd + moves[1] * radius * (1 - 1e-6)
         with ctx.workprec(BITS):
-            true = evaluated(exact_system(system, BITS), objects(at), objects(moving), arb(0.3))
+            balls = (objects([arb(x) for x in level.tolist()]) for level in (at, moving))
+            true = evaluated(exact_system(system, BITS), *balls, arb(0.3))
             off = np.array([float(abs(x - m)) for x, m in zip(true, bounds.mid[:, 0].tolist(), strict=True)])
         allowed = bounds.rounding[:, 0] + bounds.spread[:, 0]
         assert not off[allowed == 0].any()

@@ -16,6 +16,7 @@ from refkin.errors import Fault
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint, elements_of
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.exact import exact_system
+from refkin.proof.pose.krawczyk import objects
 from refkin.system import System
 from tests.claims import U, assert_near
 from tests.refkin.joint_cases import LAW, TIMES, UNITS, constraints, name_of, state, system_of
@@ -110,19 +111,12 @@ def test_balls_hold_what_floats_give():
         q, qd, _ = state(system)
         exact = exact_system(system, 113)
         with ctx.workprec(113):
-            at, rate, when = objects(q), objects(qd), arb(t)
+            at, rate, when = *(objects([arb(x) for x in level.tolist()]) for level in (q, qd)), arb(t)
             balls = (exact.phi(at, when), exact.phi_q(at, when), exact.nu(at, when), exact.gamma(at, rate, when))
             listed = [np.array([float(arb(x)) for x in np.ravel(b[rows])]) for b in balls]
         floats = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
         for a, b in zip(listed, floats, strict=True):
             assert_near(a, np.ravel(b[rows]), 4 * ROUNDING * size(b), name_of(c))
-
-
-def objects(values: Any) -> Any:
-    """Return numbers as exact balls in an array."""
-    out = np.empty(len(values), object)
-    out[:] = [arb(float(v)) for v in values]
-    return out
 
 
 class Recorder:
