@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,13 +48,13 @@ def test_an_angle_is_stated_in_radians_and_a_place_in_sizes():
     assert costs[:, 1] == pytest.approx(6 * U * 40.0, rel=1e-12, abs=0.0)
 
 
-def rows(fault: float):
-    """Return the comparison of MuJoCo's residuals, each off by a fault."""
+def residuals(planted: Callable[[Any], Any]):
+    """Return the comparison of MuJoCo's residuals with what is planted for the right ones."""
     engine, m = load("mujoco"), SCENE.mechanism
     model, ref = engine.constraints(SCENE), reference(SCENE)
     at = configurations(m, ref.system.to_physical(ref.levels[0]), ref.motion.t, "1", 2)
-    exact, model.residual = model.residual, lambda q, t: exact(q, t) + fault
-    return compare_levels(engine, model, m, at, engine.terms(SCENE))[Level.RESIDUAL]
+    exact, model.residual = model.residual, lambda q, t: planted(exact(q, t))
+    return compare_levels(engine, model, m, at)[Level.RESIDUAL]
 
 
 def _nothing_but_1e_12(maps, *_):
@@ -65,17 +67,13 @@ def _nothing_but_1e_12(maps, *_):
 def test_rows_that_are_off_by_any_number_disagree(fault, monkeypatch):
     """Also by one to the last bit, as an angle that is counted from elsewhere may be."""
     monkeypatch.setattr(levels, "_mapped", _nothing_but_1e_12)
-    engine, m = load("mujoco"), SCENE.mechanism
-    model, ref = engine.constraints(SCENE), reference(SCENE)
-    model.residual = lambda q, t: np.full(99, fault)
-    at = configurations(m, ref.system.to_physical(ref.levels[0]), ref.motion.t, "1", 2)
 
-    assert compare_levels(engine, model, m, at)[Level.RESIDUAL].ratio == pytest.approx(fault * 1e12)
+    assert residuals(lambda exact: np.full(99, fault)).ratio == pytest.approx(fault * 1e12)
 
 
 def test_digits_of_rows_are_many_where_they_agree_and_few_where_they_do_not():
-    assert min(rows(0.0).digits) > 13.0
-    assert all(6.0 < digits < 10.0 for digits in rows(1e-8).digits)
+    assert min(residuals(lambda exact: exact).digits) > 13.0
+    assert all(6.0 < digits < 10.0 for digits in residuals(lambda exact: exact + 1e-8).digits)
 
 
 def test_an_answer_takes_no_longer_than_the_check_it_is_part_of():
