@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any
 
@@ -29,10 +29,14 @@ def with_law(scene: Scene, law: Any) -> Scene:
     return remade(scene, drivers=(replace(first, law=law), *others))
 
 
+def with_estimates(scene: Scene, of: Callable[[Body], Any]) -> Scene:
+    """Return a scene with other estimates, each of which a function gives for its body."""
+    return remade(scene, bodies=tuple(replace(b, estimate=of(b)) for b in scene.mechanism.bodies))
+
+
 def without_estimates(scene: Scene, *kept: str) -> Scene:
     """Return a scene that gives no estimate but those of the bodies that are kept."""
-    bodies = (b if b.name in kept else replace(b, estimate=None) for b in scene.mechanism.bodies)
-    return remade(scene, bodies=tuple(bodies))
+    return with_estimates(scene, lambda b: b.estimate if b.name in kept else None)
 
 
 def copied(scene: Scene, names: Collection[str], other: Scene | None = None) -> Scene:

@@ -14,6 +14,7 @@ from crosscheck.engines.loading import load
 from crosscheck.judge.uncompared import put_together_wrongly
 from crosscheck.measure.check import check
 from refkin.solving import starts
+from tests.linkages import with_estimates
 from tests.mutation.change import mutated
 from tests.places import CORPUS
 
@@ -145,10 +146,8 @@ def test_no_flipped_joint_passes_unseen() -> None:
     flipped: dict[tuple[str, str], int] = {}
     for _ in range(24):
         turns = draw.normal(size=(2, 4))
-        estimates = [(*draw.uniform(-1.0, 1.0, 3), *(p / np.linalg.norm(p))) for p in turns]
-        known = zip(scene.mechanism.bodies, estimates, strict=True)
-        bodies = tuple(replace(body, estimate=tuple(map(float, at))) for body, at in known)
-        asked = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+        estimates = iter([(*draw.uniform(-1.0, 1.0, 3), *(p / np.linalg.norm(p))) for p in turns])
+        asked = with_estimates(scene, lambda b, at=estimates: tuple(map(float, next(at))))
         for engine in map(load, ("exudyn", "pinocchio", "mujoco")):
             for route in engine.routes():
                 wrong, _ = put_together_wrongly(asked, engine.solve(asked, route))

@@ -20,7 +20,7 @@ from refkin.joints import GROUND, AngleDriver, Prismatic
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-from tests.linkages import remade, without_estimates
+from tests.linkages import remade, with_estimates, without_estimates
 
 from .exact_linkages import CASES, four_bar, pin, slider_crank
 from .loop_scenes import DRIVES, TOUCHING, general_cam, rapier
@@ -72,12 +72,11 @@ def test_a_rough_estimate_leads_to_the_assembly_that_the_reference_takes(drawn, 
     mechanism, at = drawn.scene.mechanism, iter(off)
     near = min(1.0, refkin.solve(drawn.scene).sigma_min[0])
     scales = (near * mechanism.size(), near * mechanism.size(), near)
-    bodies = tuple(
-        replace(b, estimate=tuple(x + next(at) * scale for x, scale in zip(b.estimate, scales, strict=True)))
-        for b in mechanism.bodies
-    )
 
-    assert found_wrong(replace(drawn.scene, mechanism=replace(mechanism, bodies=bodies))) == []
+    def rough(body):
+        return tuple(x + next(at) * scale for x, scale in zip(body.estimate, scales, strict=True))
+
+    assert found_wrong(with_estimates(drawn.scene, rough)) == []
 
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])

@@ -31,7 +31,7 @@ from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
 from refkin.proof.assembly.search import Search, coordinates
-from tests.linkages import remade, with_law, without_estimates
+from tests.linkages import remade, with_estimates, with_law, without_estimates
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
@@ -143,9 +143,8 @@ def test_a_gear_of_many_turns_keeps_them():
 
 def test_a_wheel_that_a_rack_drives_needs_no_turns_of_its_estimate():
     """The rack counts the wheel's turns: an estimate a turn off changes nothing of the answer."""
-    m = scene("rack below").mechanism
-    bodies = tuple(replace(b, estimate=(*b.estimate[:2], b.estimate[2] + math.tau)) for b in m.bodies)
-    motion = refkin.solve(remade(scene("rack below"), bodies=bodies))
+    further = with_estimates(scene("rack below"), lambda b: (*b.estimate[:2], b.estimate[2] + math.tau))
+    motion = refkin.solve(further)
 
     assert motion["wheel"].phi == pytest.approx(refkin.solve(scene("rack below"))["wheel"].phi, abs=1e-14)
 

@@ -33,7 +33,7 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import balanced, cone
-from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, beside, posed, remade, system_of
+from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, beside, posed, remade, system_of, with_estimates
 from tests.refkin.assembly_cases import cylinder, pin
 from tests.refkin.test_sweep import three_cranks
 
@@ -280,10 +280,8 @@ def test_a_root_far_away_that_rounding_makes_is_not_that_of_a_pose_where_no_driv
 
 def test_a_pose_is_not_said_to_be_alone_where_solve_says_that_it_is_singular():
     """Other rows of the redundant ones may say something else there: `redundant rows that agree` explained it."""
-    scene = three_cranks(0.0)
-    bodies = [replace(b, estimate=(*b.estimate[:2], 0.3)) for b in scene.mechanism.bodies]
-    drivers = (driven(AngleDriver, "motor", 0.3 + 1e-8, body="first"),)
-    motion = refkin.solve(remade(scene, bodies=bodies, drivers=drivers))
+    scene = with_estimates(three_cranks(0.0), lambda b: (*b.estimate[:2], 0.3))
+    motion = refkin.solve(remade(scene, drivers=(driven(AngleDriver, "motor", 0.3 + 1e-8, body="first"),)))
 
     assert motion.status[0] is Status.SINGULAR
     assert "redundant rows: " not in motion.message
@@ -298,12 +296,8 @@ def test_redundant_rows_are_those_of_the_parallel_cranks():
 
 
 def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
-    scene = links(2.0, 1.0)
-    bodies = tuple(
-        replace(b, estimate=(*b.estimate[:2], phi))
-        for b, phi in zip(scene.mechanism.bodies, (0.0, math.pi), strict=True)
-    )
-    diagnosis = refkin.diagnose(remade(scene, bodies=bodies))
+    angles = {"left": 0.0, "right": math.pi}
+    diagnosis = refkin.diagnose(with_estimates(links(2.0, 1.0), lambda b: (*b.estimate[:2], angles[b.name])))
 
     assert diagnosis.kind is PoseKind.STRUCTURE
     assert "shaky" in diagnosis.message

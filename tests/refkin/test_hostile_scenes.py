@@ -23,7 +23,7 @@ from refkin.proof.pose import krawczyk
 from refkin.solving import ahead, passages
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.vec import cosine_and_sine
-from tests.linkages import PARALLELOGRAM, ROCKER, remade, system_of, with_law, without_estimates
+from tests.linkages import PARALLELOGRAM, ROCKER, remade, system_of, with_estimates, with_law, without_estimates
 from tests.places import CORPUS, EXAMPLES
 
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
@@ -830,8 +830,7 @@ def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_
     """A parallelogram beside its flat pose: half way between its branches, 1e-8 from each, residuals are round-off."""
     given = PARALLELOGRAM.scene(law=Polynomial(coefficients=(angle,)), times=(0.0,))
     half_way = {"crank": angle, "coupler": -angle / 2, "rocker": -angle / 2}
-    bodies = tuple(replace(b, estimate=(*b.estimate[:2], half_way[b.name])) for b in given.mechanism.bodies)
-    motion = refkin.solve(remade(given, bodies=bodies))
+    motion = refkin.solve(with_estimates(given, lambda b: (*b.estimate[:2], half_way[b.name])))
 
     assert motion.verdict is OK
     assert min(abs(motion["rocker"].phi[0] - x) for x in (angle, -2 * angle)) < 1e-15

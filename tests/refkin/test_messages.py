@@ -29,7 +29,7 @@ from refkin import (
     YDriver,
 )
 from refkin.proof.assembly.search import Assemblies
-from tests.linkages import ROCKER, remade, with_law
+from tests.linkages import ROCKER, with_estimates, with_law
 from tests.places import CORPUS, ROOT
 from tests.refkin.test_hostile_scenes import peaucellier
 
@@ -64,8 +64,7 @@ def parallelogram(*times):
 def estimated(**estimates):
     """A four-bar with estimates of its own; None is none."""
     given = ROCKER.scene(law=Polynomial(coefficients=(0.5,)), times=(0.0,))
-    bodies = tuple(replace(b, estimate=estimates.get(b.name, b.estimate)) for b in given.mechanism.bodies)
-    return remade(given, bodies=bodies)
+    return with_estimates(given, lambda b: estimates.get(b.name, b.estimate))
 
 
 def held(*lengths):

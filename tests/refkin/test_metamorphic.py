@@ -22,6 +22,7 @@ from refkin import (
     Status,
     solve,
 )
+from tests.linkages import with_estimates
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.2))
 TIMES = tuple(np.linspace(0.0, 2.0, 9))
@@ -116,13 +117,8 @@ def test_the_film_run_backwards_has_the_velocities_reversed(linkage):
     forward = solved(scene_of(linkage))
     c0, c1, c2 = LAW.coefficients
     reverse = Polynomial(coefficients=(c0 + 2 * c1 + 4 * c2, -c1 - 4 * c2, c2))
-    last = forward.q[:, -1]
     scene = scene_of(linkage, law=reverse)
-    bodies = tuple(
-        replace(b, estimate=tuple(np.round(last[3 * k : 3 * k + 3], 2).tolist()))
-        for k, b in enumerate(scene.mechanism.bodies)
-    )
-    backward = solved(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+    backward = solved(with_estimates(scene, lambda b: tuple(np.round(forward[b.name].q[:, -1], 2).tolist())))
     for level, sign in (("position", 1.0), ("velocity", -1.0), ("acceleration", 1.0)):
         difference = np.max(np.abs(level_of(forward, level)[:, ::-1] - sign * level_of(backward, level)), axis=0)
         # The reversed law's coefficients are rounded: its argument errs by a few ulps.

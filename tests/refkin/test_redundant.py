@@ -30,7 +30,7 @@ from refkin.solving.solve import solve
 from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near
-from tests.linkages import ROCKER, remade, system_of, with_law
+from tests.linkages import ROCKER, remade, system_of, with_estimates, with_law
 from tests.places import CORPUS, ROOT
 
 ORIGIN = (0.0, 0.0)
@@ -261,8 +261,7 @@ def test_a_nearly_singular_pose_of_which_other_rows_may_say_anything_is_not_ok()
     """It was, with accelerations of 2e5 rad/s^2 where there are none."""
     flat = load(CORPUS / "redundant-one-ulp.toml")
     at = {"c0": (0.0, 0.0, 1e-7), "c1": (1.0, 0.0, 1e-7), "c2": (3.0, 0.0, 1e-7), "bar": (1.0, 1e-7, 0.0)}
-    bodies = tuple(replace(body, estimate=at[body.name]) for body in flat.mechanism.bodies)
-    motion = solve(remade(with_law(flat, Polynomial(coefficients=(1e-7, 1.0))), bodies=bodies))
+    motion = solve(with_estimates(with_law(flat, Polynomial(coefficients=(1e-7, 1.0))), lambda b: at[b.name]))
 
     assert motion.verdict is Status.SINGULAR
     assert np.isnan(motion.qdd).all()

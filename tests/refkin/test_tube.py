@@ -23,7 +23,7 @@ from refkin.scenes.linkages import Hooke
 from refkin.solving import starts as starting
 from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
-from tests.linkages import LIMITED, ROCKER, posed, remade, solved, system_of
+from tests.linkages import LIMITED, ROCKER, posed, solved, system_of, with_estimates
 from tests.places import CORPUS
 
 
@@ -159,8 +159,7 @@ def test_a_law_that_moves_fast_has_a_short_interval():
 def started(x):
     """A scene whose estimates are all somewhere else."""
     scene = ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,))
-    bodies = tuple(replace(b, estimate=x) for b in scene.mechanism.bodies)
-    return remade(scene, bodies=bodies)
+    return with_estimates(scene, lambda b: x)
 
 
 @pytest.mark.parametrize(

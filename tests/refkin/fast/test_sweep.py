@@ -39,7 +39,7 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.fast.redundant import by_all_rows
 from refkin.proof.path import branch
 from refkin.scenes.linkages import RSSR
-from tests.linkages import remade, system_of, without_estimates
+from tests.linkages import remade, system_of, with_estimates, without_estimates
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare
@@ -183,12 +183,8 @@ def test_a_table_as_law_and_an_open_profile():
 
 
 def test_an_estimate_in_another_turn_is_followed_as_by_the_reference():
-    scene = bare(ROCKER.scene(samples=20))
-    bodies = tuple(
-        replace(b, estimate=(*b.estimate[:2], b.estimate[2] + 4 * math.pi * (b.name == "rocker")))
-        for b in scene.mechanism.bodies
-    )
-    scene = remade(scene, bodies=bodies)
+    scene, further = bare(ROCKER.scene(samples=20)), {"rocker": 4 * math.pi}
+    scene = with_estimates(scene, lambda b: (*b.estimate[:2], b.estimate[2] + further.get(b.name, 0.0)))
 
     assert np.max(np.abs(sweep(scene).q - refkin.solve(scene).q)) < 1e-14
 
@@ -207,12 +203,8 @@ def test_without_all_estimates_an_assembly_is_searched_and_told(kept):
 def test_a_rough_estimate_leads_to_the_same_assembly(off):
     scene = bare(ROCKER.scene(samples=20))
     for direction in range(8):
-        move = off * np.cos(direction + np.arange(9.0)).reshape(3, 3)
-        bodies = tuple(
-            replace(b, estimate=tuple(x + d for x, d in zip(b.estimate, dx.tolist(), strict=True)))
-            for b, dx in zip(scene.mechanism.bodies, move, strict=True)
-        )
-        rough = remade(scene, bodies=bodies)
+        move = iter(off * np.cos(direction + np.arange(9.0)))
+        rough = with_estimates(scene, lambda b, move=move: tuple(x + float(next(move)) for x in b.estimate))
         motion, ref = sweep(rough), refkin.solve(rough)
 
         assert motion.status == ref.status
@@ -400,11 +392,9 @@ LOST = math.tau * 2e8
 def test_where_numbers_have_no_digits_it_is_left_to_the_reference(late, off):
     """A law that adds up large numbers to a small one; an estimate off by so many turns."""
     scene = bare(ROCKER.scene(law=Polynomial(coefficients=(0.3 - late, 1.0)), times=(late,)))
-    crank, coupler, rocker = scene.mechanism.bodies
-    x, y, phi = coupler.estimate
-    bodies = (crank, replace(coupler, estimate=(x, y, phi + off)), rocker)
+    further = {"coupler": off}
 
-    assert attempt(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))) is None
+    assert attempt(with_estimates(scene, lambda b: (*b.estimate[:2], b.estimate[2] + further.get(b.name, 0.0)))) is None
 
 
 # Planted faults. Each replaces code that a sweep runs.
