@@ -24,7 +24,7 @@ from crosscheck.night.history import (
 from crosscheck.report.build import build, summarized
 
 from .fake_engines import crosscheck
-from .report_records import good_answer, record, write
+from .report_records import good_answer, of_run, record, write
 
 NIGHTS, SHIFT = 90, 60
 NOISE = 0.08
@@ -79,9 +79,7 @@ def test_of_few_nights_nothing_is_said() -> None:
 
 def night(folder: Path, day: int, seconds: float = 0.0004, **more: Any) -> Any:
     """A report of one night: its date, and how long mujoco took for four configurations."""
-    write(folder, record("a", good_answer("mujoco", seconds=seconds)))
-    build(folder)
-    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    report, _ = of_run(folder, record("a", good_answer("mujoco", seconds=seconds)))
     return {**report, "date": f"2026-10-{day:02d} 02:17", **more}
 
 

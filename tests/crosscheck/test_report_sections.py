@@ -300,9 +300,8 @@ def agreement(folder: Path, dimension: str) -> dict[tuple[str, ...], float]:
     made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
     made["reference"]["common"] = {"k": 0, "scale": {"position": 100.0}}
     made["about"]["dimension"] = dimension
-    build(write(folder, made))
-    rows = json.loads((folder / "report.json").read_text())["agreement"]
-    return {tuple(row["engines"]): row["position"]["digits_median"] for row in rows}
+    report, _ = of_run(folder, made)
+    return {tuple(row["engines"]): row["position"]["digits_median"] for row in report["agreement"]}
 
 
 def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Path) -> None:
@@ -457,9 +456,7 @@ def test_the_smallest_planted_error_that_is_seen_is_a_figure_of_the_report(tmp_p
     records = [record(name, good_answer("mujoco")) for name in sharp]
     for planted, figures in zip(records, sharp.values(), strict=True):
         planted["reference"]["sharpness"] = figures
-    write(tmp_path, *records)
-    page = build(tmp_path).read_text(encoding="utf-8")
-    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    report, page = of_run(tmp_path, *records)
 
     assert report["reference"]["sharpness"] == {
         "velocity": {"scenes": 2, "smallest_seen": 8.0, "median_seen": 14.0, "always_seen": 20.0, "loosest": 60.0}
@@ -469,9 +466,7 @@ def test_the_smallest_planted_error_that_is_seen_is_a_figure_of_the_report(tmp_p
 
 def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_path: Path) -> None:
     answers = [good_answer("mujoco", granted={"soft constraints": size}) for size in (1e-4, 3e-4)]
-    write(tmp_path, *(record(name, item) for name, item in zip("ab", answers, strict=True)))
-    page = build(tmp_path).read_text(encoding="utf-8")
-    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    report, page = of_run(tmp_path, *(record(name, item) for name, item in zip("ab", answers, strict=True)))
 
     assert [row["granted"] for row in report["methods"]] == [{"soft constraints": 3e-4}]
     assert "“soft constraints”: up to 0.0003" in page
