@@ -107,13 +107,9 @@ def test_balls_take_over_where_float64_proves_nothing() -> None:
 @pytest.mark.parametrize(("far", "bits"), [(60.0, 53), (70.0, 113)])
 def test_balls_take_over_where_a_frame_is_far_from_its_joints(far: float, bits: int) -> None:
     """Float64 proves the pose as well, with a bound that is up to five times as wide before 640 sizes."""
-    tip = XDriver(name="tip", body="bar", point=(far + 1.0, 0.0), law=Polynomial(coefficients=(float(np.cos(0.5)),)))
-    pivot = Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="bar", point_j=(far, 0.0))
-    mechanism = Mechanism((Body(name="bar"),), (pivot,), (tip,))
-    system = compile_system(mechanism, unit=mechanism.unit())
     q = np.array([[-far * np.cos(0.5)], [-far * np.sin(0.5)], [0.5]])
 
-    assert isolate(system, q, [0.0]).bits == [bits]
+    assert isolate(bar(float(np.cos(0.5)), far), q, [0.0]).bits == [bits]
 
 
 @pytest.mark.parametrize("off", [0.8, 0.9, 1.1, 1.2, 1.23])
