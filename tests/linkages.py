@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any
@@ -37,6 +38,24 @@ def with_estimates(scene: Scene, of: Callable[[Body], Any]) -> Scene:
 def without_estimates(scene: Scene, *kept: str) -> Scene:
     """Return a scene that gives no estimate but those of the bodies that are kept."""
     return with_estimates(scene, lambda b: b.estimate if b.name in kept else None)
+
+
+def moved_frame(scene: Scene, body: str, at: tuple[float, float]) -> Scene:
+    """Return a scene with the frame of one of its bodies at another point of that: the motion stays."""
+    u, v = at
+
+    def joint(c: Any) -> Any:
+        points = {f"point_{s}": getattr(c, f"point_{s}") for s in "ij" if getattr(c, f"body_{s}") == body}
+        return replace(c, **{key: (float(x - u), float(y - v)) for key, (x, y) in points.items()})
+
+    def estimate(b: Body) -> Any:
+        if b.name != body:
+            return b.estimate
+        x, y, phi = b.estimate
+        c, s = math.cos(phi), math.sin(phi)
+        return x + c * u - s * v, y + s * u + c * v, phi
+
+    return remade(with_estimates(scene, estimate), joints=tuple(map(joint, scene.mechanism.joints)))
 
 
 def copied(scene: Scene, names: Collection[str], other: Scene | None = None) -> Scene:

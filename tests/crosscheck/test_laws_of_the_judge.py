@@ -57,7 +57,7 @@ from refkin.scenes.linkages import RSSR, Bennett
 from tests.crosscheck.exact_linkages import scotch_yoke
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
-from tests.linkages import ROCKER
+from tests.linkages import ROCKER, moved_frame
 from tests.places import CORPUS
 
 RULE = Term(name="stopping rule", level="position", reason="made up", absolute=1e-8)
@@ -309,34 +309,18 @@ def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_o
 FAR = 2.0**14
 
 
-def with_frame_off(scene, name):
-    """Return a scene with the frame of one of its bodies `FAR` behind it."""
-    m, ends = scene.mechanism, {f"point_{x}": x for x in "ij"}
-    joints = [
-        replace(j, **{p: (getattr(j, p)[0] + FAR, 0.0) for p, x in ends.items() if getattr(j, f"body_{x}") == name})
-        for j in m.joints
-    ]
-    bodies = [
-        replace(b, estimate=(b.estimate[0] - FAR * math.cos(phi), b.estimate[1] - FAR * math.sin(phi), phi))
-        if b.name == name
-        else b
-        for b in m.bodies
-        for phi in b.estimate[2:]
-    ]
-    return replace(scene, mechanism=replace(m, bodies=tuple(bodies), joints=tuple(joints)))
-
-
 def test_a_frame_far_from_its_joints_is_in_what_accelerations_are_allowed_once_and_not_squared():
     """With the crank's frame 16384 m off, the other bodies were allowed 40 times more than its arm explains."""
     scene = ROCKER.scene(times=(0.0, 0.3, 0.7))
-    near, away = (reference(scene).budget().levels[2, 3:] for scene in (scene, with_frame_off(scene, "crank")))
+    scenes = scene, moved_frame(scene, "crank", (-FAR, 0.0))
+    near, away = (reference(one).budget().levels[2, 3:] for one in scenes)
 
     assert np.all(away <= FAR * np.max(near, axis=0))
 
 
 def test_a_body_that_is_placed_by_another_whose_frame_is_far_off_is_rounded_there_and_back():
     """Composed of rocker and coupler, the crank was off by 186 times what it was allowed; its rates were not."""
-    ref = reference(with_frame_off(ROCKER.scene(times=(0.0, 0.3, 0.7, 1.1)), "coupler"))
+    ref = reference(moved_frame(ROCKER.scene(times=(0.0, 0.3, 0.7, 1.1)), "coupler", (-FAR, 0.0)))
     crank, coupler, rocker = (ref.motion[name].q for name in ("crank", "coupler", "rocker"))
     a, b = (joint for joint in ref.scene.mechanism.joints if "coupler" in (joint.body_i, joint.body_j))
 

@@ -33,7 +33,18 @@ from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.curve import common_roots
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import balanced, cone
-from tests.linkages import CHANGE_POINT, KITE, LIMITED, PARALLELOGRAM, beside, posed, remade, system_of, with_estimates
+from tests.linkages import (
+    CHANGE_POINT,
+    KITE,
+    LIMITED,
+    PARALLELOGRAM,
+    beside,
+    moved_frame,
+    posed,
+    remade,
+    system_of,
+    with_estimates,
+)
 from tests.refkin.assembly_cases import cylinder, pin
 from tests.refkin.test_sweep import three_cranks
 
@@ -366,29 +377,6 @@ def test_lengths_of_very_different_size_are_no_singularity(ratio):
 
     assert diagnosis.kind is PoseKind.REGULAR
     assert "nearly" not in diagnosis.message
-
-
-def moved_frame(scene, body, shift):
-    """The scene with a body's frame moved by (u, v) in it."""
-    (u, v), m = shift, scene.mechanism
-
-    def joint(c):
-        ends = [s for s in "ij" if getattr(c, f"body_{s}") == body]
-        points = {
-            f"point_{s}": tuple(float(a - b) for a, b in zip(getattr(c, f"point_{s}"), shift, strict=True))
-            for s in ends
-        }
-        return replace(c, **points)
-
-    def estimate(b):
-        if b.name != body:
-            return b
-        x, y, phi = b.estimate
-        c, s = math.cos(phi), math.sin(phi)
-        return replace(b, estimate=(x + c * u - s * v, y + s * u + c * v, phi))
-
-    bodies, joints = tuple(map(estimate, m.bodies)), tuple(map(joint, m.joints))
-    return replace(scene, mechanism=replace(m, bodies=bodies, joints=joints))
 
 
 @pytest.mark.parametrize("far", [1e4, 2.0**26])

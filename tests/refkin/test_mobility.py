@@ -20,6 +20,7 @@ from refkin.proof.singularity.second_order import balance
 from refkin.scenes.linkages import ScrewJack
 from refkin.solving.mobility import FREEDOMS, count, gruebler, kind_of, mobility, rank_of
 from tests.claims import assert_near
+from tests.linkages import ROCKER, moved_frame, with_estimates
 
 from .assembled import beside_a_mast
 
@@ -140,23 +141,11 @@ def test_a_body_of_1_km_takes_no_rows_from_links_of_a_tenth_of_a_millimetre(link
 
 def test_frames_far_from_their_joints_leave_the_freedoms_as_they_are():
     """Turning such a body is nearly the same as shifting it: of rows that are not balanced the rank is 1 too small."""
-    m = refkin.FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=2).mechanism
-    far = {b.name: (1e9 if b.name == "coupler" else 0.0) for b in m.bodies} | {"ground": 0.0}
+    motion = refkin.solve(scene := ROCKER.scene(samples=2))
+    closed = with_estimates(scene, lambda b: tuple(motion[b.name].q[:, 0].tolist()))
+    far = moved_frame(closed, "coupler", (1e9, 0.0)).mechanism
 
-    def moved(joint):
-        ends = {end: (getattr(joint, f"point_{end}"), far[getattr(joint, f"body_{end}")]) for end in "ij"}
-        return replace(joint, **{f"point_{end}": (x - by, y) for end, ((x, y), by) in ends.items()})
-
-    poses = refkin.solve(refkin.FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=2))
-    bodies = []
-    for body in m.bodies:
-        x, y, phi = (float(c[0]) for c in (poses[body.name].x, poses[body.name].y, poses[body.name].phi))
-        shift = far[body.name]
-        bodies.append(replace(body, estimate=(x + shift * math.cos(phi), y + shift * math.sin(phi), phi)))
-    mechanism = replace(m, bodies=tuple(bodies), joints=tuple(moved(j) for j in m.joints))
-    q = np.array([x for b in bodies for x in b.estimate])
-
-    assert mobility(mechanism, q).mobility == 1
+    assert mobility(far, np.concatenate([b.estimate for b in far.bodies])).mobility == 1
 
 
 def parallelogram(third_crank, phi=1.0):
