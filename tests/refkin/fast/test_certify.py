@@ -210,13 +210,7 @@ def test_what_has_no_proof_here_is_proved_densely(monkeypatch):
 
 
 def test_a_scene_far_from_its_origin_counts_the_way_back():
-    here = ROCKER.scene(samples=5)
-    joints = tuple(
-        replace(j, point_i=(j.point_i[0] + 1e6, j.point_i[1])) if j.body_i == "ground" else j
-        for j in here.mechanism.joints
-    )
-    bodies = tuple(replace(b, estimate=(b.estimate[0] + 1e6, *b.estimate[1:])) for b in here.mechanism.bodies)
-    there = replace(here, mechanism=replace(here.mechanism, joints=joints, bodies=bodies))
+    there = replace(ROCKER, origin=(1e6, 0.0)).scene(samples=5)
     motion = attempt(replace(there, evidence=frozenset({Evidence.CERTIFICATE})))
 
     assert np.all(motion.certified_radius.position >= 0.25 * np.spacing(1e6) / there.mechanism.size())
