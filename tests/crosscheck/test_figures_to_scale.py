@@ -264,7 +264,8 @@ def test_the_parts_of_a_bar_are_as_long_as_what_they_cost_and_one_begins_where_t
         effect_row(effect, engine="a", without=without, microseconds=cost, called_for=called, spread=0.5)
         for effect, without, cost, called in made
     ]
-    root = ET.fromstring(effects_bars([*rows, *unpriced()]))
+    who = {"engine": "b", "method": "any", "setting": "", "effect": "points"}
+    root = ET.fromstring(effects_bars([*rows, EffectRow(**who, note="none", inert=None, called_for=True)]))
     titled = [(box, (box.findtext("title") or "").split(": ")) for box in root.iter("rect")]
     bars = {words[0]: box for box, words in titled if len(words) == 2}
     ticks = [(float(t.get("x", 0)), t.text or "") for t in root.iter("text") if (t.text or "").isdigit()]
@@ -302,7 +303,3 @@ def test_ticks_of_bars_have_the_smallest_round_step_that_reaches_the_longest_bar
         float(b.get("x", 0)) + float(b.get("width", 0)) for b in root.iter("rect") if ": " in b.findtext("title", "")
     ]
     assert max(ends) == pytest.approx(np.interp(longest, values, places), abs=0.1)
-
-
-def unpriced() -> list[EffectRow]:
-    return [EffectRow(engine="b", method="any", setting="", effect="points", note="none", inert=None, called_for=True)]

@@ -23,11 +23,6 @@ LENGTHS = {"ground": 4.1, "crank": 1.3, "coupler": 3.7, "rocker": 3.1}
 QUANTITIES = ("position", "velocity", "acceleration")
 
 
-def linkage_scene(lengths):
-    law = Polynomial(coefficients=(0.7, 1.9, -0.4))
-    return FourBar(**lengths).scene(law=law, times=[0.0])
-
-
 def enclosed(system, q):
     """Return position, velocity and acceleration at t = 0, right to far more digits than binary64 has."""
     root = krawczyk(system, q, 0.0, bits=113)
@@ -39,7 +34,8 @@ def enclosed(system, q):
 def test_an_ulp_of_the_lengths_moves_each_level_by_what_attainable_says_at_most(seed):
     rng = np.random.default_rng(seed)
     beside = {k: float(np.nextafter(x, x + rng.choice([-1.0, 1.0]))) for k, x in LENGTHS.items()}
-    one, two = (CertifiedTruth(linkage_scene(lengths)) for lengths in (LENGTHS, beside))
+    given = {"law": Polynomial(coefficients=(0.7, 1.9, -0.4)), "times": [0.0]}
+    one, two = (CertifiedTruth(FourBar(**lengths).scene(**given)) for lengths in (LENGTHS, beside))
     q = one.ref.levels[0][:, 0]
     pairs = zip(enclosed(one.ref.system, q), enclosed(two.ref.system, q), strict=True)
     for order, ((allowed, level), (a, b)) in enumerate(zip(attainable_levels(one.ref, one.known), pairs, strict=True)):

@@ -79,15 +79,11 @@ def sampled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, dict[Any, An
     return reported(folder), raw, records
 
 
-def pooled(raw: dict[Any, Any], engine: str, name: str) -> Any:
-    return floored([d for (e, q, _), digits in raw.items() if (e, q) == (engine, name) for d in digits])
-
-
 @pytest.mark.parametrize("engine", ROUTES)
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_quantiles_are_those_of_the_raw_samples(sampled: Any, engine: str, name: str) -> None:
     report, raw, _ = sampled
-    digits = pooled(raw, engine, name)
+    digits = floored([d for (e, q, _), some in raw.items() if (e, q) == (engine, name) for d in some])
     expected = [*np.quantile(digits, [0.5, 0.01], method="inverted_cdf"), digits.min()]
 
     cell = report["engines"][engine][ROUTES[engine]][name]

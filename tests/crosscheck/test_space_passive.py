@@ -60,7 +60,8 @@ def test_rows_of_joints_as_printed_are_compared_in_the_form_that_the_engine_has(
     """They were refused, with `no elements say what it is`; a wrong entry in such a row shows at its level."""
     scene = loop(rod_with_ballast, 7, ("printed",))[0]
     loaded, m = load(engine), scene.mechanism
-    model, at = loaded.constraints(scene), configurations(m, scene_estimates(scene), scene.times[:1], "s", 3)
+    q = np.concatenate([body.estimate for body in m.bodies])[:, None]
+    model, at = loaded.constraints(scene), configurations(m, q, scene.times[:1], "s", 3)
     levels = compare_levels(loaded, model, m, at, loaded.terms(scene))
     assert {level.agrees for level in levels.values()} == {True}
     assert {level.rows for level in levels.values()} == {rows}
@@ -79,10 +80,6 @@ def test_rows_of_joints_as_printed_are_compared_in_the_form_that_the_engine_has(
     worst = compare_levels(loaded, model, m, at, loaded.terms(scene))[Level.JACOBIAN]
     model.close()
     assert not worst.agrees
-
-
-def scene_estimates(scene):
-    return np.concatenate([body.estimate for body in scene.mechanism.bodies])[:, None]
 
 
 def respun(motion, bodies, lines, angle):

@@ -76,15 +76,11 @@ FAULTS = {
 }
 
 
-def as_expression(what: str) -> str:
-    return f"exec({what.split('  #')[0]!r})"
-
-
 @pytest.fixture(scope="module", params=FAULTS)
 def faulty(request, tmp_path_factory):
     """A run in which one engine does one of the faults on the scene number 1: its kind, and the records."""
     folder = tmp_path_factory.mktemp("faulty")
-    before = on_scene(1, as_expression(FAULTS[request.param]))
+    before = on_scene(1, f"exec({FAULTS[request.param].split('  #')[0]!r})")
     records, workers = run_with(folder, before, seconds=6.0 if request.param == "hang" else 30.0)
     return request.param, records, workers
 

@@ -126,8 +126,8 @@ def test_a_crank_with_limits_passes_both_and_comes_back_on_the_other_branch(dire
     path = refkin.follow(driven(LIMITED), direction=direction)
     limit = LIMITED.input_range()[0][1]
     first, second = (event.index for event in path.events)
-    by_open, by_crossed = sides(LIMITED, replace_within(path, 0.999 * limit))
-    inside = np.flatnonzero(np.abs(path.t) < 0.999 * limit)
+    inside = np.flatnonzero(np.abs(path.t) < 0.999 * limit)  # at it no closed form says on which side a pose is
+    by_open, by_crossed = sides(LIMITED, replace(path, q=path.q[:, inside]))
 
     assert path.end is TraceEnd.CLOSED
     assert [event.t for event in path.events] == pytest.approx([direction * limit, -direction * limit], abs=1e-14)
@@ -135,11 +135,6 @@ def test_a_crank_with_limits_passes_both_and_comes_back_on_the_other_branch(dire
     between = (inside > first) & (inside < second)
     assert np.max(np.where(between, by_crossed, by_open)) < 1e-11
     assert np.min(np.where(between, by_open, by_crossed)) > 1e-3
-
-
-def replace_within(path, limit):
-    """The poses of a path at parameters within a limit: at the limit itself no closed form says which side it is."""
-    return replace(path, q=path.q[:, np.abs(path.t) < limit])
 
 
 @pytest.mark.parametrize("direction", [1, -1])

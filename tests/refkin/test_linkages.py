@@ -362,7 +362,8 @@ def test_newton_from_the_estimate_finds_the_branch_asked_for(case):
 
     actual = position(system, q0, 0.0).q
 
-    other = linkage.assemble(value, _other(branch), driven=driven, relative_to=relative_to)
+    (another,) = {*Branch} - {branch}
+    other = linkage.assemble(value, another, driven=driven, relative_to=relative_to)
     away = system.to_unit(np.concatenate([other[b.name] for b in mechanism.bodies]))
     assert _apart(actual, q) < 0.01 * _apart(away, q)
 
@@ -371,10 +372,6 @@ def _coordinate(linkage, pose, driven, value) -> float:
     if driven != "slider":
         return value
     return pose["slider"][0] if abs(math.cos(linkage.angle)) >= abs(math.sin(linkage.angle)) else pose["slider"][1]
-
-
-def _other(branch: Branch) -> Branch:
-    return Branch.CROSSED if branch is Branch.OPEN else Branch.OPEN
 
 
 def _apart(a, b) -> float:

@@ -43,13 +43,10 @@ def interval(scene):
     return *widest(system, q, t, refkin.velocity(system, q, t)), system, q
 
 
-def at_limit(d):
-    return LIMITED.scene(law=Polynomial(coefficients=(LIMITED.input_range()[0][1] - d, 1.0)), times=(0.0,))
-
-
 @pytest.mark.parametrize("d", [0.5, 1e-2, 1e-4, 1e-6, 1e-8])
 def test_the_interval_before_a_limit_does_not_reach_it_and_is_a_good_part_of_the_way(d):
-    half, *_ = interval(at_limit(d))
+    law = Polynomial(coefficients=(LIMITED.input_range()[0][1] - d, 1.0))
+    half, *_ = interval(LIMITED.scene(law=law, times=(0.0,)))
 
     assert d / 100 < half < d
 

@@ -171,17 +171,13 @@ def test_the_pivot_of_a_block_shows_how_near_to_singular_it_is(size):
 @pytest.mark.parametrize("name", SCENES)
 def test_pivots_of_the_tree_come_after_what_they_need(name):
     system = system_of(SCENES[name])
-    slope = program_rows(system)
+    slope = trace(system, known_of([p.g for p in system.placed]), range(system.n)).phi_q
     done = {c for c in range(system.n) if c not in {p.coordinate for p in spanning_tree(slope)}}
 
     for pivot in spanning_tree(slope):
         assert set(slope[pivot.row]) - {pivot.coordinate} <= done
         done.add(pivot.coordinate)
     assert done == set(range(system.n))
-
-
-def program_rows(system):
-    return trace(system, known_of([p.g for p in system.placed]), range(system.n)).phi_q
 
 
 def test_loops_that_hang_on_each_other_are_blocks_of_their_own():

@@ -167,7 +167,8 @@ def test_dot_rows_are_the_half_angle_rows_turned_and_printed_rows_the_dot_rows_i
     half, dot, printed = (alone(in_form(form, "parallel")) for form in FORMS)
     q, _ = anywhere(half, 4, length)
     f, g, _ = (half_arm.at.parts for half_arm in arms(in_form("half", "parallel"), q))
-    e0, e3 = relative_parameters(half, q)
+    e = relative(half.placed[0].g, SpatialValues(*q[:7]), SpatialValues(*q[7:14]))
+    e0, e3 = e.a, e.v.z  # from the frame on body i to that on body j
 
     x1, x2 = half.phi(q, T)
     u, v = dot.phi(q, T)
@@ -182,12 +183,6 @@ def arms(c, q):
     """Return (f, g, h) of body i as vectors of the homogeneous rotation."""
     body = SpatialValues(*q[:7])
     return [body.arm(*v.parts) for v in frame(c.axis_i, c.zero_i)]
-
-
-def relative_parameters(system, q):
-    """Return e0 and e3 from the frame on body i to that on body j."""
-    e = relative(system.placed[0].g, SpatialValues(*q[:7]), SpatialValues(*q[7:14]))
-    return e.a, e.v.z
 
 
 RANKS = {"cylindrical": (6, 4), "prismatic": (7, 5), "revolute": (7, 5), "screw": (8, 6), "universal": (4, 4)}
