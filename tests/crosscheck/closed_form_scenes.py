@@ -201,7 +201,7 @@ UNIT = st.floats(-1.0, 1.0)
 
 
 @st.composite
-def drawings(draw, build, spread=0.0, frames=1.0):
+def drawings(draw, build, spread=0.0):
     """Build a mechanism on world points within a square; `spread` scatters each point over that many decades.
 
     Shrinks towards points on a regular polygon, no two of which coincide and no three of which are in line.
@@ -210,7 +210,7 @@ def drawings(draw, build, spread=0.0, frames=1.0):
     p = [c * 10 ** (spread * draw(UNIT)) + 0.3 * complex(draw(UNIT), draw(UNIT)) for c in corners]
     structure, drive, count = TOPOLOGIES[build]
     names = [str(k + 1) for k in range(count)]
-    placed = {n: (frames * complex(draw(UNIT), draw(UNIT)), draw(st.floats(-9.0, 9.0))) for n in names}
+    placed = {n: (complex(draw(UNIT), draw(UNIT)), draw(st.floats(-9.0, 9.0))) for n in names}
     drawing = Drawing(placed, (0.7 + 0.3 * draw(UNIT), draw(UNIT)))
     structure(drawing, p)
     drive(drawing, p)

@@ -53,9 +53,9 @@ FELT = """
 """
 
 
-def simulating(folder, planted, name="feeling"):
+def simulating(folder, planted):
     """Return an engine with two effects; `planted` is what is done to its answer under `effect`."""
-    spec = engine_file(folder, name=name, after=f"effect = getattr(self, 'effect', None)\n        {planted}")
+    spec = engine_file(folder, name="feeling", after=f"effect = getattr(self, 'effect', None)\n        {planted}")
     path = Path(spec.rsplit(":", 1)[0])
     text = path.read_text(encoding="utf-8")
     path.write_text(text + FELT, encoding="utf-8")

@@ -86,10 +86,10 @@ def closed(toy: Toy, at: float, t: float, **more: Any) -> Poses:
         return close(toy.equations, q, np.array([t]), **more)
 
 
-def circle(start: float = 0.9) -> Toy:
+def circle() -> Toy:
     """x^2 + y^2 = 1 with y = t: x = sqrt(1 - t^2), a fold at t = 1."""
     return Toy(
-        start=[start, 0.1],
+        start=[0.9, 0.1],
         phi=lambda q, t: [0.5 * (q[0] ** 2 + q[1] ** 2 - 1.0), q[1] - t],
         phi_q=lambda q, t: [[q[0], q[1]], [0.0, 1.0]],
         rate=lambda t: [0.0, 1.0],

@@ -57,8 +57,8 @@ def undisturbed(tmp_path_factory):
         return checked(workers)
 
 
-def run_with(tmp_path: Path, before: str, seconds: float = 30.0, after: str = "pass") -> tuple[dict[str, Any], Workers]:
-    spec = engine_file(tmp_path, before=before, after=after)
+def run_with(tmp_path: Path, before: str, seconds: float = 30.0) -> tuple[dict[str, Any], Workers]:
+    spec = engine_file(tmp_path, before=before)
     with checkers(2, {"closed_form": "closed_form", "fake": spec}, seconds) as workers:
         return checked(workers), workers
 

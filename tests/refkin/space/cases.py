@@ -81,9 +81,9 @@ CASES = [*joints(BETWEEN), *joints(GROUNDED), *drivers(BETWEEN), *drivers(GROUND
 NAMES = [f"{type(c).__name__} {getattr(c, 'form', '')} {c.bodies[0]}" for c in CASES]
 
 
-def alone(constraint: Constraint, unit: Unit | None = None) -> System:
+def alone(constraint: Constraint) -> System:
     """Return the rows of one constraint, and those of the unit lengths, of two bodies."""
-    unit = unit or Unit(0.5, (0.1, -0.3, 0.2))
+    unit = Unit(0.5, (0.1, -0.3, 0.2))
     held = Spherical(name="held", body_i="ground", point_i=(0.0, 0.0, 0.0), body_j="a", point_j=(0.0, 0.0, 0.0))
     mechanism = object.__new__(Mechanism)  # one joint is no mechanism
     for key, value in {"bodies": (Body(name="a"), Body(name="b")), "joints": (held, constraint), "drivers": ()}.items():

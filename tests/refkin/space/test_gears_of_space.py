@@ -115,16 +115,16 @@ def test_only_the_ratio_of_radii_counts(size):
         assert np.array_equal(getattr(scaled, key), getattr(motion, key))
 
 
-def differential(law: Polynomial = LAW) -> Scene:
+def differential() -> Scene:
     """Return an arm, two suns and a planet between them; the arm turns, and one sun against it. Gears stand first."""
     axles = (
         *(axle("shaft", GROUND, "arm", Z), axle("one", "arm", "sun", Z)),
         *(axle("two", "arm", "planet", X), axle("three", "arm", "other sun", Z)),
     )
     gears = mesh("two", 0.25, "three", 0.5), mesh("one", 0.5, "two", 0.25)
-    bodies = turned("arm", 0.0, Z), turned("sun", law(0.0), Z), turned("planet", -2 * law(0.0), X)
-    drivers = driven("shaft", Polynomial(coefficients=(0.0, 0.5))), driven("one", law)
-    every = (*bodies, turned("other sun", law(0.0), Z))
+    bodies = turned("arm", 0.0, Z), turned("sun", LAW(0.0), Z), turned("planet", -2 * LAW(0.0), X)
+    drivers = driven("shaft", Polynomial(coefficients=(0.0, 0.5))), driven("one", LAW)
+    every = (*bodies, turned("other sun", LAW(0.0), Z))
     return Scene(mechanism=Mechanism(every, (*gears, *axles), drivers), times=TIMES[:11])
 
 
