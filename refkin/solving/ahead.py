@@ -18,6 +18,7 @@ from refkin.differences import EPS
 from refkin.motion import SINGULAR
 from refkin.newton import CONTRACTION, TINY, is_round_off, solve_linear
 from refkin.proof.numbers.extrema import LISTED, extrema_of
+from refkin.proof.path.blocks import dips
 from refkin.proof.path.curve import are_poses
 from refkin.solving.passages import OFTEN, turning_points
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, LEAST, NEAR, SHORT, SPREAD, before, neville
@@ -72,10 +73,13 @@ class Leaps:
     def first_astray(self, doubted: list[int]) -> int | None:
         """Return the first of some of its steps to a pose that the sweep's own do not lead to; None if there is none.
 
-        It is noted as uncertified. To find that there is no proof of it would take far longer.
+        It is noted as uncertified. To find that there is no proof of it would take far longer; of steps whose
+        determinants say enough, that there is one is found sooner.
         """
         t, q = self.sweep.t, self.sweep.q
-        for k in sorted(self.steps.intersection(doubted)):
+        leapt = sorted(self.steps.intersection(doubted))
+        unclear = dips(self.sweep.system, np.array(t), np.array(q).T) if leapt else ()
+        for k in (k for k in leapt if unclear[k]):
             own = pose_between(self.sweep.system, q[k], t[k], t[k + 1], proving=False)
             if own is not None and not np.max(np.abs(own - q[k + 1])) <= SAME * max(1.0, np.max(np.abs(own))):
                 self.sweep.uncertified.append(k)
