@@ -17,7 +17,7 @@ from typing import Any
 
 from refkin.joints.elements import GROUND, Element, Triple
 from refkin.joints.spatial_elements import AxesParallel, PointOnAxis, PointsMeet, TurnAboutAxis
-from refkin.joints.spatial_frames import across, frame
+from refkin.joints.spatial_frames import across, frame, unit_vector
 from refkin.joints.spatial_vectors import Vec3
 
 Line = tuple[Vec3, Vec3]
@@ -136,7 +136,7 @@ def _carried(c: Any, body: str, line: Line) -> Line | None:
         at, to = (sum((x * v.dot(y) for x, y in zip(other, own, strict=True)), zero) for v in (p - start, u))
         return end + at, to
     if along and _on(start, line):
-        return end, k * math.copysign(1.0, h.dot(line[1]))
+        return end, k * math.copysign(1.0, h.dot(_direction(line[1])))
     return None
 
 
@@ -144,11 +144,15 @@ def _size(v: Vec3) -> float:
     return math.hypot(*v.parts)
 
 
+def _direction(v: Vec3) -> Vec3:
+    return unit_vector(v.parts) if any(v.parts) else v
+
+
 def _along(axis: Vec3, line: Line) -> bool:
-    return _size(axis.cross(line[1])) <= ALIKE * _size(axis) * _size(line[1])
+    return _size(_direction(axis).cross(_direction(line[1]))) <= ALIKE
 
 
 def _on(point: Vec3, line: Line) -> bool:
-    away, u = point - line[0], line[1]
+    away = point - line[0]
     allowed = ALIKE * _size(away) + ROUNDED * max(_size(point), _size(line[0]))
-    return _size(away.cross(u)) <= allowed * _size(u)
+    return _size(away.cross(_direction(line[1]))) <= allowed

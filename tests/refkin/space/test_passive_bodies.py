@@ -20,6 +20,7 @@ from refkin.proof.numbers.bounded import bounded_system
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.path.blocks import dips
 from refkin.proof.path.curve import Curve
+from refkin.scenes.linkages import Hooke
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.solving.steps import Steps
@@ -248,6 +249,20 @@ def test_a_ball_beside_the_line_of_others_ends_the_spin(coupler, off):
 
     assert with_third(0.0 * across) == {" and ".join(spin) for spin in spins}
     assert with_third(off * across) == {" and ".join(spin) for spin in spins[1:]}
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1e200])
+def test_axes_of_any_length_are_as_far_from_parallel(size):
+    """What short ones have across each other is no number: a Hooke joint was told to spin, and not solved."""
+    scene = Hooke(beta=0.5).scene(speed=1.0, samples=3)
+    m = scene.mechanism
+
+    def as_long(joint):
+        return replace(joint, **{end: tuple(size * x for x in getattr(joint, end)) for end in ("axis_i", "axis_j")})
+
+    long = replace(m, joints=tuple(map(as_long, m.joints)))
+    assert list(passive_spins(m.bodies, long.constraints)) == []
+    assert refkin.solve(replace(scene, mechanism=long)).verdict is Status.OK
 
 
 def test_a_body_that_hangs_on_one_joint_lacks_a_driver_and_is_not_passive():
