@@ -59,7 +59,7 @@ def type_faults(path: str, item: Any) -> Iterator[Fault]:
 def word_faults(item: Any) -> Iterator[Fault]:
     """Yield each field of a dataclass that holds none of the words, or flags, that its annotation says."""
     for key, words in _expected(item.__class__).items():
-        if isinstance(words, tuple) and not _held(getattr(item, key), words):
+        if isinstance(words, tuple) and not _held(plain(getattr(item, key)), words):
             yield Fault(key, getattr(item, key), " or ".join(map(repr, words)))
 
 

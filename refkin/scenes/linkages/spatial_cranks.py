@@ -10,10 +10,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from numbers import Integral
 from typing import Any
 
 from refkin.errors import Fault
 from refkin.joints import GROUND, Constraint, Cylindrical, SpatialDistance, SpatialPrismatic, Triple
+from refkin.joints.annotations import is_flag
 from refkin.joints.spatial_frames import frame, unit_vector
 from refkin.joints.spatial_vectors import Vec3
 from refkin.scenes.linkages.closures import DoesNotAssemble
@@ -110,7 +112,7 @@ class RSSRChain(SpatialLinkage):
         yield from super()._faults()
         if not isinstance(self.first, RSSR):
             yield Fault("first", self.first, "an RSSR")
-        if not (type(self.count) is int and self.count > 0):
+        if is_flag(self.count) or not (isinstance(self.count, Integral) and self.count > 0):
             yield Fault("count", self.count, "a whole number above 0")
 
     def _frames(self) -> Iterator[Frame]:

@@ -804,7 +804,7 @@ def test_a_search_of_space_ends_where_so_many_starts_lead_nowhere_new_and_has_ea
 
 def test_a_large_mechanism_of_space_has_fewer_starts_and_its_list_says_so(monkeypatch):
     """A start takes 0.14 s with eight bodies: 120 of them took 14 s."""
-    m = RSSRChain(EVERY["RSSR"], 3).scene(samples=2).mechanism
+    m = RSSRChain(EVERY["RSSR"], np.int64(3)).scene(samples=2).mechanism
     system, tried = compile_system(m, unit=m.unit()), []
     monkeypatch.setattr(by_starts, "refined", lambda _, q, t: tried.append(q))
     found = assemblies(system, 0.0)
@@ -830,6 +830,10 @@ def test_a_large_mechanism_of_space_has_fewer_starts_and_its_list_says_so(monkey
         (lambda: DoubleHooke(0.5, phase=math.inf), ["DoubleHooke: phase: expected a finite number, got inf"]),
         (lambda: DoubleHooke(0.5, parallel="no"), ["DoubleHooke: parallel: expected False or True, got 'no'"]),
         (lambda: replace(EVERY["RSSR"], massless="no"), ["RSSR: massless: expected False or True, got 'no'"]),
+        (
+            lambda: replace(EVERY["RSSR"], massless=np.array([True, False])),
+            ["RSSR: massless: expected False or True, got array("],
+        ),
         (lambda: Hooke(0.5, form="dots"), ["Hooke: form: expected 'half' or 'dot' or 'printed', got 'dots'"]),
         (
             lambda: RSSRChain(None, 2.5),
