@@ -174,8 +174,8 @@ def _dimension(data: dict[str, Any]) -> str:
     return min((PLANE.name, SPACE.name), key=lambda name: _errors({**data, "dimension": name}))
 
 
-def _errors(data: Any) -> int:
-    """Return how many keys and types are wrong, all keys of what is of no type that there is.
+def _errors(data: Any) -> tuple[int, int]:
+    """Return in how many bodies, joints, drivers keys or types are wrong, and how many are.
 
     A key that is missing says nothing of what a file is meant to be.
     """
@@ -183,9 +183,9 @@ def _errors(data: Any) -> int:
         _read(data)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        wrong = [e for e in found if e["type"] != "missing" or isinstance(e["loc"][-1], int)]  # short rows count
-        return sum(len(e["input"]) if e["type"] == "union_tag_invalid" else 1 for e in wrong)
-    return 0
+        wrong = [e["loc"] for e in found if e["type"] != "missing" or isinstance(e["loc"][-1], int)]  # short rows count
+        return len({place[:2] for place in wrong}), len(wrong)
+    return 0, 0
 
 
 def _meaning(file: SceneFile, whole: bool = True) -> list[Fault]:

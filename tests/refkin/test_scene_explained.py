@@ -166,6 +166,7 @@ ENDS = ("body_i", "point_i", "body_j", "point_j")
         (TEXT, 'body = "crank"', 'joint = "A0"', ["driver[0].body", "driver[0].joint"]),
         (SPATIAL, 'dimension = "spatial"', 'dimension = "spacial"', ["dimension"]),
         (SPATIAL, 'dimension = "spatial"', "", ["dimension"]),
+        (CYLINDER, 'type = "distance"', 'type = "displacement"', ["driver[0].type"]),
         (CYLINDER, 'type = "distance"', 'type = "x"', [f"driver[0].{key}" for key in ("body", *ENDS)]),
     ],
 )
