@@ -369,7 +369,7 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
 def _disagreements(
     compared: Comparison, turned_round: Comparison | None, subject: _Subject, motion: Motion, wrong_at: Any
 ) -> Iterator[dict[str, Any]]:
-    """Yield in what one method's answer, or its answer to the same scene in another order, is beyond what is allowed.
+    """Yield in what one method's answer, or its answer to the same scene stated otherwise, is beyond what is allowed.
 
     At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
     """
