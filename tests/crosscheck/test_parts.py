@@ -127,7 +127,7 @@ def test_each_of_two_loops_that_are_singular_at_once_is_held_at_a_fold_of_its_ow
     )
     regular = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(times=flat.times)
     allowed = []
-    for scene in (flat, regular, beside(beside(flat, regular), flat)):
+    for scene in (flat, regular, beside(flat, beside(regular, flat))):
         q = reference(scene).motion.q[:, -1]
         allowed.append(least_error(compile_system(scene.mechanism), np.round(q, 6) if exactly else q, 1.0))
     alone = np.concatenate([allowed[0], allowed[1], allowed[0]])
