@@ -72,6 +72,7 @@ scenes that it knows well, with the same joints and laws at other lengths, it co
 TURNED_ROUND = 4
 """One scene in this many is solved once more, stated otherwise, at the first of so many parts of its times."""
 DIRECTIONS = ("axis_i", "axis_j", "zero_i", "zero_j", "normal_j")
+"""What a joint says by a vector of any length."""
 NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), None)
 SHARPNESS = 16
 """Of one scene in this many it is measured how sharp the budgets are."""
