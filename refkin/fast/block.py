@@ -260,16 +260,8 @@ class Block:
         constraints, unit = self.group.of_sample(k), self.group.unit_of(k)
         single = self.made.march
         numbers = [float(sample_of(self.group.system.placed[c].g[m], k)) for c, m in single.geometry]
-
-        def laws(t: float) -> list[float]:
-            given = {c: constraints[c].inputs(t, unit, 2) for c, _, _ in single.laws}
-            return [float(given[c][law][order]) for c, law, order in single.laws]
-
-        def profile(constraint: int, order: int, s: float) -> float:
-            return float(constraints[constraint].profile_values(s, unit, order)[order])
-
         extrema = partial(extrema_of, constraints)
-        march = March(single, single.prepare(numbers), laws, profile, extrema, MOST_STEPS_ALONE)
+        march = March(single, single.prepare(numbers), constraints, unit, extrema, MOST_STEPS_ALONE)
         march.signs = tuple(self.signs[:, sample].tolist())
         return march
 

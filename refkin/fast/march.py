@@ -30,6 +30,7 @@ import numpy as np
 
 from refkin.differences import EPS
 from refkin.fast.elimination.program import Single, StepAnswer
+from refkin.joints import Constraint, Unit
 from refkin.newton import contracts
 
 FAR = 1e-2
@@ -88,8 +89,8 @@ class March:
 
     Parameters
     ----------
-    laws : callable
-        t -> the laws' values in the order of `single.laws`.
+    constraints, unit : sequence of Constraint, Unit
+        What brings the laws and profiles of `single`.
     extrema : callable
         a, b -> the times between them at which a law turns back, in order.
     most_steps : int
@@ -100,12 +101,13 @@ class March:
         self,
         single: Single,
         u: Sequence[float],
-        laws: Callable[[float], Sequence[float]],
-        profile: Any,
+        constraints: Sequence[Constraint],
+        unit: Unit,
         extrema: Callable[[float, float], Sequence[float]],
         most_steps: int = MOST_STEPS,
     ) -> None:
-        self.single, self.u, self.laws, self.profile, self.extrema = single, u, laws, profile, extrema
+        self.single, self.u, self.extrema = single, u, extrema
+        self.laws, self.profile = laws_of(single, constraints, unit), profile_of(constraints, unit)
         self.signs: tuple[float, ...] = ()
         self.values, self.rates = ([k for k, law in enumerate(single.laws) if law[2] == order] for order in (0, 1))
         self.most_steps = most_steps
@@ -196,6 +198,26 @@ class March:
             return self.single.advance(self.u, f, core, self.profile, MOST_NEWTON, ENOUGH)
         except (ArithmeticError, ValueError):  # a pivot of 0, an overflow, the sine of infinity
             return None
+
+
+def laws_of(single: Single, constraints: Sequence[Constraint], unit: Unit) -> Callable[[float], list[float]]:
+    """Return t -> the laws' values in the order of `single.laws`, as `Constraint.inputs` has them, and no others.
+
+    Parameters
+    ----------
+    single, constraints, unit : Single, sequence of Constraint, Unit
+        What asks for them, what brings them, and the unit of their values.
+    """
+    own = []
+    for c, k, order in single.laws:
+        shifts, factor = constraints[c].law_scale(unit)
+        own.append((constraints[c].laws[k], order, 0.0 if order else shifts[k], factor))
+    return lambda t: [float((law(t, order) - shift) / factor) for law, order, shift, factor in own]
+
+
+def profile_of(constraints: Sequence[Constraint], unit: Unit) -> Callable[[int, int, Any], Any]:
+    """Return (constraint, order, parameter) -> that derivative of the constraint's profile, in the unit."""
+    return lambda c, order, s: constraints[c].profile_values(s, unit, order)[order]
 
 
 class Guesses:

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.answer import motion
-from refkin.fast.elimination.program import Single, StepAnswer
+from refkin.fast.elimination.program import StepAnswer
 from refkin.fast.elimination.run import Workspace, block_samples
-from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose
+from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose, laws_of
 from refkin.fast.prepare import Prepared, prepared
 from refkin.joints import SPACE
 from refkin.model import Scene
@@ -90,7 +90,8 @@ class _Task:
         self.t, self.laws, self.extrema = ready.t, ready.laws, ready.extrema
         self.redundant = self.system.m > self.system.n
         self.geometry = [p.g for p in self.system.placed]
-        self.march = March(self.made.march, ready.u, self._laws_at, self._profile, self._extrema)
+        self.constraints = [p.constraint for p in self.system.placed]
+        self.march = March(self.made.march, ready.u, self.constraints, self.system.unit, self._extrema)
         self.message = ""
 
     def motion(self) -> Motion | None:
@@ -126,7 +127,7 @@ class _Task:
             return True
         known = set(self.scene.times)
         between = [p for p in poses if p.t not in known]
-        whole = [self._advanced(p.levels[0], self._laws_at(p.t, self.made.whole), 1).levels[0] for p in between]
+        whole = [self._advanced(p.levels[0], p.t, 1).levels[0] for p in between]
         t = np.append(t, [p.t for p in between])
         q, order = np.column_stack([q, *whole]), np.argsort(t)
         t, q = t[order], q[:, order]
@@ -135,25 +136,16 @@ class _Task:
         full = replace(self.system, effects=EVERYTHING)
         return steps == [] or first_unproved(full, t, q, pose_between, steps) is None
 
-    def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> StepAnswer:
-        """Return what at most so many steps of Newton make of core coordinates, number by number."""
+    def _advanced(self, core: Sequence[float], t: float, most: int) -> StepAnswer:
+        """Return what at most so many steps of Newton make of core coordinates at a time, number by number."""
         whole = self.made.whole
+        laws = laws_of(whole, self.constraints, self.system.unit)(t)
         u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
-        return whole.advance(u, laws, core, self._profile, most, ENOUGH)
-
-    def _profile(self, constraint: int, order: int, s: Any) -> Any:
-        return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
-
-    def _laws_at(self, t: float, single: Single | None = None) -> list[float]:
-        given = {k: self.system.placed[k].constraint.inputs(t, self.system.unit, 2) for k in self.laws}
-        return [float(given[c][law][order]) for c, law, order in (single or self.made.march).laws]
+        return whole.advance(u, laws, core, self.march.profile, most, ENOUGH)
 
     def _extrema(self, a: float, b: float) -> list[float]:
         """Return the times between a and b at which a law turns back."""
         return self.extrema[bisect_right(self.extrema, a) : bisect_left(self.extrema, b)]
-
-    def _laws_at_first(self, single: Single) -> list[float]:
-        return [self.laws[c][law][order].item(0) for c, law, order in single.laws]
 
     def _start(self) -> Pose | None:
         """Return the first pose: the solution next to the estimate, if that is beyond doubt, else as the reference."""
@@ -164,7 +156,8 @@ class _Task:
                 return None
             q, self.message = start.q, start.message
         core = [float(q[c]) for c in self.made.core]
-        return self.march.start(self.scene.times[0], core, self._laws_at_first(self.made.march))
+        t = self.scene.times[0]
+        return self.march.start(t, core, self.march.laws(t))
 
     def _near_estimate(self) -> Any:
         """Return the solution that Newton finds from the estimate if it is much nearer than any other.
@@ -190,7 +183,7 @@ class _Task:
     def _first(self, core: Sequence[float]) -> StepAnswer | None:
         """Return what Newton makes of core coordinates at the first time; None where numbers fail."""
         try:
-            return self._advanced(core, self._laws_at_first(self.made.whole), MOST_AT_FIRST)
+            return self._advanced(core, self.scene.times[0], MOST_AT_FIRST)
         except (ArithmeticError, ValueError):
             return None
 
@@ -218,7 +211,7 @@ class _Task:
         for start in range(0, count, samples):
             block = slice(start, min(start + samples, count))
             with self.made.solving.workspace(block.stop - block.start) as space:
-                space.give_geometry(self.geometry, self._profile)
+                space.give_geometry(self.geometry, self.march.profile)
                 space.give_laws({k: [[x[block] for x in law] for law in laws] for k, laws in self.laws.items()})
                 if not self._solved(space, self.t[block], guesses):
                     return None
