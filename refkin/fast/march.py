@@ -138,7 +138,7 @@ class March:
         if answer is None or not (self.accepts(answer) and contracts(answer.steps)):
             return None
         q, v, _ = answer.levels
-        off, move, bent = _largest(q, guess), _largest(q, last.levels[0]), _largest(v, rates) * (t - last.t)
+        off, move, bent = math.dist(q, guess), math.dist(q, last.levels[0]), math.dist(v, rates) * (t - last.t)
         near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
         return Pose(t, answer.levels, f, off, coefficients(last.levels, answer.levels, t - last.t)) if near else None
 
@@ -190,7 +190,7 @@ class March:
 
     def _longest(self, pose: Pose) -> float:
         """Return about how long a step may be before some law has changed by `FURTHEST`."""
-        fastest = max((abs(pose.laws[k]) for k in self.rates), default=0.0)
+        fastest = max([abs(pose.laws[k]) for k in self.rates], default=0.0)
         return 0.99 * FURTHEST / fastest if fastest else math.inf
 
     def _newton(self, f: Sequence[float], core: Sequence[float]) -> StepAnswer | None:
@@ -284,15 +284,6 @@ def factor(off: float) -> float:
 
 def _converged(steps: Sequence[float]) -> bool:
     return not steps or steps[-1] <= ENOUGH
-
-
-def _largest(a: Sequence[float], b: Sequence[float]) -> float:
-    largest = 0.0
-    for x, y in zip(a, b, strict=True):
-        off = abs(x - y)
-        if off > largest or off != off:  # NaN is the largest of all
-            largest = off
-    return largest
 
 
 def coefficients(first: Levels, last: Levels, h: Any) -> list[tuple[Any, ...]]:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin import FourBar
-from refkin.fast.march import FAR, SMALL, Guesses, Pose, _largest, at, coefficients, factor, predicted, slope, weights
+from refkin.fast.march import FAR, SMALL, Guesses, Pose, at, coefficients, factor, predicted, slope, weights
 from refkin.fast.prepare import prepared
 
 from .scenes import ROCKER, bare
@@ -130,11 +130,6 @@ def test_a_march_ends_after_so_many_steps():
 
     assert work.march.to(100.0, start) is None
     assert work.march.steps == 3
-
-
-def test_a_move_is_that_of_the_coordinate_that_moves_most():
-    assert _largest((0.0, 1.0, 0.25), (0.0, -2.0, 0.5)) == 3.0
-    assert _largest((), ()) == 0.0
 
 
 def test_a_march_goes_by_way_of_the_times_at_which_laws_turn_back():
