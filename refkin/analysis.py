@@ -240,7 +240,7 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
         The other attributes of `Motion`.
     """
     wanted = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
-    levels = [None if x is None else system.to_physical(x, order, copy=None) for order, x in enumerate(levels)]
+    levels = [None if x is None else system.to_physical(x, order, in_place=True) for order, x in enumerate(levels)]
 
     def called_for(rows: Any) -> list[Any]:
         return [level[rows] if want else None for level, want in zip(levels, wanted, strict=True)]

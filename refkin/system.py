@@ -111,9 +111,9 @@ class System:
             out[at] = (out[at] - (0.0 if order else shift)) / self.unit.size
         return out
 
-    def to_physical(self, q: Any, order: int = 0, copy: bool | None = True) -> Any:
-        """Return coordinates (order 0) or rates (1, 2) in m, rad: all n, or the bodies'; in place if copy is None."""
-        out = np.array(q, _arithmetic(q), copy=copy)
+    def to_physical(self, q: Any, order: int = 0, in_place: bool = False) -> Any:
+        """Return coordinates (order 0) or rates (1, 2) in m and rad: all n, or the bodies'; a copy unless in place."""
+        out = q if in_place else np.array(q, _arithmetic(q), copy=True)
         for k, shift in enumerate(self.unit.origin):
             at = out[k : self.of_bodies : self.kind.width]
             at *= self.unit.size

@@ -304,7 +304,7 @@ class Block:
 
     def levels(self, order: int) -> Any:
         """Return coordinates or rates in metres and rad, (n, L), NaN where there are none: once, after all else."""
-        level = self.system.to_physical(self.space.level(order), order, copy=None)
+        level = self.system.to_physical(self.space.level(order), order, in_place=True)
         if not self.alive.all():
             level[:, ~self.alive] = np.nan
         return level
