@@ -110,8 +110,8 @@ class RSSRChain(SpatialLinkage):
 
     def _faults(self) -> Iterator[Fault]:
         yield from super()._faults()
-        if not isinstance(self.first, RSSR):
-            yield Fault("first", self.first, "an RSSR")
+        if not isinstance(self.first, RSSR) or self.first.massless:
+            yield Fault("first", self.first, "an RSSR with a coupler that is a body")
         if is_flag(self.count) or not (isinstance(self.count, Integral) and self.count > 0):
             yield Fault("count", self.count, "a whole number above 0")
 

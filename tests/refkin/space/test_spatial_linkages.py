@@ -840,6 +840,10 @@ def test_a_large_mechanism_of_space_has_fewer_starts_and_its_list_says_so(monkey
             ["RSSRChain: first: expected an RSSR", "RSSRChain: count: expected a whole number above 0, got 2.5"],
         ),
         (
+            lambda: RSSRChain(replace(EVERY["RSSR"], massless=True), 2),
+            ["RSSRChain: first: expected an RSSR with a coupler that is a body"],
+        ),
+        (
             lambda: Stewart((), ((1.0, 2.0),) * 6, ()),
             [
                 f"Stewart: {key}: expected {how} finite numbers"
