@@ -354,6 +354,24 @@ def test_bodies_that_roll_on_each_other_turn_together_and_a_whole_turn_is_no_oth
     assert sorted(q[2] for q in actual.poses) == pytest.approx([-angle, angle], abs=ROUND_OFF)
 
 
+@pytest.mark.parametrize(("place", "count"), [((-0.8, -0.8), 2), ((-0.8, 0.4), 4), ((-0.5, 0.6), 6)])
+def test_a_body_that_points_exactly_backwards_is_in_one_assembly_and_not_in_two(place, count):
+    """Its angle is pi or -pi, as rounding has it: a platform on three links had three, five or seven."""
+    base, own = [(0.0, 0.0), (2.0, 0.5), (0.5, 2.0)], [(0.5, -0.5), (-1.0, 0.5), (0.0, 1.0)]
+    links = tuple(
+        Distance(
+            name=f"link {k}", body_i="ground", point_i=a, body_j="platform", point_j=b,
+            length=math.dist(a, np.subtract(place, b)),
+        )
+        for k, (a, b) in enumerate(zip(base, own, strict=True))
+    )  # fmt: skip
+    _, actual = solved(Mechanism(bodies("platform"), links))
+
+    assert actual.complete
+    assert min(distance(p, q) for k, p in enumerate(actual.poses) for q in actual.poses[:k]) > 1e-3
+    assert len(actual.poses) == count
+
+
 def test_a_body_without_an_estimate_is_put_between_the_others_where_they_are(monkeypatch):
     """The search finds one assembly alone, 0.6 m from where the estimates of the others, which are exact, have them."""
     scene = refkin.load(CORPUS / "space-points-planes-and-links.toml")

@@ -282,7 +282,7 @@ class Search:
         sought = [cam for cam in polar_cams(self.system.mechanism.joints) if cam.contact_estimate is None]
         contacts = [(cam.span, q[self.system.parameter(cam.name)]) for cam in sought if not cam.profile.closed]
         there = all(low - SAME <= s <= high + SAME for (low, high), (s,) in contacts)
-        return there and all(np.max(np.abs(q - other.q)) > SAME for other in self.known)
+        return there and all(np.max(np.abs(self._without_turns(q - other.q))) > SAME for other in self.known)
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
         turned, contacts = angles[: len(self.turned)], angles[len(self.turned) :]
@@ -295,7 +295,7 @@ class Search:
                 yield initial_contacts(self.system, q, self.t)
 
     def _without_turns(self, q: Array) -> Array:
-        """Return the pose with angles in (-pi, pi], unless they are counted; bodies that roll turn back together."""
+        """Return q, or a difference, with angles in (-pi, pi] unless they are counted; bodies that roll turn as one."""
         q = q.copy()
         joints = self.system.mechanism.joints
         rolling = (e for e in elements_of(joints) if isinstance(e, RollingWheels | RollingOnLine))
