@@ -261,7 +261,7 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
             q = refined(system, frames.outward(start), t)
             q = None if q is None else frames.inward(q)
         q = None if q is None else signed(system, q, np.ones(system.n))
-        new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
+        new = q is not None and all(np.max(np.abs(signed(system, q, other) - other)) > SAME for other in poses)
         since, left = (0, left) if new else (since + 1, left - 1)
         if new:
             poses.append(q)

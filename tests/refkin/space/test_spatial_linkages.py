@@ -594,6 +594,18 @@ def test_a_stewart_platform_on_three_points_has_eight_assemblies_each_certified(
     assert isolate(system, np.array(poses).T, np.full(8, 0.3)).ok.all()
 
 
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_body_a_quarter_turn_back_on_its_hinge_is_in_one_assembly_and_not_in_two(axis):
+    """The sum of its Euler parameters is 0 but for rounding, which decides on the sign of p."""
+    ends = {"point_i": (0.0, 0.0, 0.0), "axis_i": axis, "point_j": (0.0, 0.0, 0.0), "axis_j": axis}
+    zeros = dict.fromkeys(("zero_i", "zero_j"), (1.0, 2.0, 3.0))
+    hinge = SpatialRevolute(name="hinge", body_i="ground", body_j="door", **ends, **zeros)
+    motor = SpatialAngleDriver(name="motor", joint="hinge", law=Polynomial(coefficients=(-math.pi / 2,)))
+    mechanism = Mechanism((Body(name="door"),), (hinge,), (motor,))
+
+    assert len(assemblies(compile_system(mechanism, unit=mechanism.unit()), 0.0).poses) == 1
+
+
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
