@@ -248,7 +248,8 @@ def _choice(
         float(np.linalg.norm(x[held]) + TURNED * np.linalg.norm(y[held])) for x, y in zip(seen, away, strict=True)
     ]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
-    near = [*map(recentred(system).inward, poses)]  # rounding moves a frame that is far from its joints
+    alike = (_turned_to(system, q, poses[nearest], True, t) for q in poses)
+    near = [*map(recentred(system).inward, alike)]  # rounding moves a frame that is far from its joints
     others = sum(float(np.max(np.abs(q - near[nearest]))) > SAME for q in near)
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
     absent = [name for name in missing if name not in far]

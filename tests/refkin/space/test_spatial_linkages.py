@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, replace
 from functools import partial
+from itertools import pairwise
 from types import SimpleNamespace
 
 import mpmath
@@ -604,6 +605,24 @@ def test_a_body_a_quarter_turn_back_on_its_hinge_is_in_one_assembly_and_not_in_t
     mechanism = Mechanism((Body(name="door"),), (hinge,), (motor,))
 
     assert len(assemblies(compile_system(mechanism, unit=mechanism.unit()), 0.0).poses) == 1
+
+
+@pytest.mark.parametrize("estimate", [None, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)])
+def test_a_body_half_a_turn_from_its_estimate_is_in_the_only_assembly_and_not_in_one_of_two(estimate):
+    """Three doors, each hung on the one before; p and -p of the second are as far from no turn as each other."""
+    doors, hinges, motors = ("ground", "a", "b", "c"), [], []
+    lines = dict.fromkeys(("axis_i", "axis_j"), (1.0, 2.0, -1.0)) | dict.fromkeys(("zero_i", "zero_j"), (1.0, 2.0, 3.0))
+    for i, j in pairwise(doors):
+        points = {"point_i": (0.5 * (i != "ground"), 0.0, 0.0), "point_j": (0.0, 0.0, 0.0)}
+        hinges.append(SpatialRevolute(name=f"hinge {j}", body_i=i, body_j=j, **points, **lines))
+        law = Polynomial(coefficients=(-math.pi / 2,))
+        motors.append(SpatialAngleDriver(name=f"motor {j}", joint=f"hinge {j}", law=law))
+    bodies = tuple(Body(name=name, estimate=estimate) for name in doors[1:])
+
+    motion = refkin.solve(Scene(mechanism=Mechanism(bodies, hinges, motors), times=(0.0,)))
+
+    assert "the only" in motion.message
+    assert "2 found" not in motion.message
 
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
