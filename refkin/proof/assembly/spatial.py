@@ -261,7 +261,9 @@ def assemblies_in_space(system: System, t: float) -> list[Any]:
             q = refined(system, frames.outward(start), t)
             q = None if q is None else frames.inward(q)
         q = None if q is None else signed(system, q, np.ones(system.n))
-        new = q is not None and all(np.max(np.abs(signed(system, q, other) - other)) > SAME for other in poses)
+        off = [] if q is None else [signed(system, q, other) - other for other in poses]
+        # How many turns a gear has counted makes no other assembly.
+        new = q is not None and all(np.max(np.abs(x[: system.of_bodies])) > SAME for x in off)
         since, left = (0, left) if new else (since + 1, left - 1)
         if new:
             poses.append(q)

@@ -24,10 +24,12 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion_laws import Polynomial
+from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.singularity.diagnosis import PoseKind
 from refkin.scenes.files import parse, to_dict
 from refkin.solving.mobility import count, mobility
 from refkin.solving.starts import diagnose
+from refkin.system import compile_system
 
 AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 LAW = Polynomial(coefficients=(0.2, 3.0, 1.0))
@@ -223,6 +225,17 @@ def test_a_gear_that_no_driver_turns_begins_in_the_turn_about_zero():
     reach = 3.5 - 0.25 * motion.t
     assert motion.contacts["A"].s == pytest.approx(np.arccos((1.0 + reach**2 - 9.0) / (2 * reach)) / 2, abs=1e-14)
     assert motion.contacts["B"].s == pytest.approx(-2 * motion.contacts["A"].s, abs=1e-14)
+
+
+@pytest.mark.parametrize(("radii", "turns"), [((1.0, 1.0), 1), ((1.0, 2.0), 2)])
+def test_a_wheel_that_a_rod_holds_is_in_as_many_assemblies_as_look_different(radii, turns):
+    """A rod leaves two angles to the first wheel; after `turns` of it the second looks as before."""
+    wheels = axle("A", GROUND, "a", Z), axle("B", GROUND, "b", Z, (sum(radii), 0.0, 0.0))
+    ends = {"body_i": GROUND, "point_i": (2.0, 1.0, 0.5), "body_j": "a", "point_j": X}
+    joints = (*wheels, mesh("A", radii[0], "B", radii[1]), SpatialDistance(name="rod", **ends, length=1.5))
+    mechanism = Mechanism((Body(name="a"), Body(name="b")), joints)
+
+    assert len(assemblies(compile_system(mechanism, unit=mechanism.unit()), 0.0).poses) == 2 * turns
 
 
 def test_a_screw_and_a_cylindrical_joint_are_in_gear_by_their_turns():
