@@ -829,7 +829,7 @@ def test_a_search_of_space_ends_where_so_many_starts_lead_nowhere_new_and_has_ea
         by_starts, "refined", lambda _, k, t: tried.append(k) or (None if ends[k] is None else np.array([ends[k]]))
     )
 
-    assert by_starts.assemblies_in_space(SimpleNamespace(n=1), 0.0) == [0.0, 1.0, 2.0]
+    assert by_starts.assemblies_in_space(SimpleNamespace(n=1, of_bodies=1), 0.0) == [0.0, 1.0, 2.0]
     assert len(tried) == len(ends) - 1
 
 
