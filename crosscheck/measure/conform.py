@@ -15,7 +15,7 @@ from crosscheck.engines.methods import Use, copied, methods, motion_of
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.known_gaps import BAD, HardOutcome
-from crosscheck.judge.records import Cause, Disagreement, Record
+from crosscheck.judge.records import ENDED, Cause, Disagreement, Record
 from crosscheck.measure.check import check, restated
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
@@ -81,14 +81,26 @@ def ask(engine: Engine, question: Question) -> Reply:
     record = check(question.scene, [engine], about)
     faults = list(_faults_of(record, question.scene))
     if not faults and (record.answers or record.levels):
-        again = check(restated(question.scene), [engine], about)
-        reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
-        faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
+        faults = list(_reordered(record, check(restated(question.scene), [engine], about), question.scene))
     if not faults and record.answers:
         faults = list(_asked_again(engine, question.scene, [answer.method.name for answer in record.answers]))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
     refused = refused or tuple(dict.fromkeys(row.reason for row in record.refusals if not row.joint))
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
+
+
+def _reordered(record: Record, again: Record, scene: Scene) -> Iterator[LevelFault]:
+    """Yield in what an engine that answered a scene is wrong where that is stated otherwise; or silent, and why."""
+    said, *_ = *(d.message for d in again.disagreements), *(row.reason for row in again.refusals if not row.joint), ""
+    silent = [method for method in _answering(record) if method not in _answering(again)]
+    for method in silent:
+        yield LevelFault(STATUS, f"no answer where a scene is stated otherwise (method {method!r})", said)
+    others = [d for d in again.disagreements if d.method not in silent and d.kind not in ENDED]
+    yield from _faults_of(replace(again, disagreements=[replace(d, kind=Cause.ORDER) for d in others]), scene)
+
+
+def _answering(record: Record) -> list[str]:
+    return [answer.method.name for answer in record.answers] + [ROWS] * bool(record.levels)
 
 
 def _asked_again(engine: Engine, scene: Scene, answered: Collection[str]) -> Iterator[LevelFault]:

@@ -209,6 +209,23 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
     assert "3 wrong" in said
 
 
+@pytest.mark.parametrize("error", [EngineRefusal, EngineError, ValueError])
+def test_an_engine_that_answers_no_scene_that_is_stated_otherwise_is_told_so(error):
+    """It was told nothing where it refused, and that numbers depend on the order where it failed."""
+
+    class Once(Right):
+        def change(self, motion):
+            self.asked = not vars(self).get("asked")
+            if self.asked:
+                return motion
+            raise error("by the test")
+
+    (fault,) = ask(Once(), ASKED["law: table"]).faults
+
+    assert fault.what == "no answer where a scene is stated otherwise (method 'planted')"
+    assert "by the test" in fault.example
+
+
 @pytest.mark.parametrize("k", range(3))
 def test_euler_parameters_that_are_too_long_are_told_of_any_body_also_of_one_that_spins(k):
     class Longer(Right):
