@@ -9,7 +9,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -306,7 +305,7 @@ class _Told:
     seconds: float = 0.0
     terms: Sequence[Term] = ()
     again: bool = False
-    turned_round: Motion | None = None
+    turned_round: Motion | EngineError | None = None
 
 
 def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
@@ -322,8 +321,10 @@ def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
         told.terms = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         return _Told(error)
-    with suppress(EngineError):
+    try:
         told.turned_round = copied(method.solve(copied(subject.turned_round))) if again else None
+    except EngineError as error:
+        told.turned_round = error
     return told
 
 
@@ -364,7 +365,9 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
     faults += [*opened_beside(ref, motion, terms, compared), *points_off(ref, motion, method.delivers, terms, compared)]
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
     turned_round = _turned_round(told.turned_round, subject, terms) if told.again else None
-    part.blame(method.called, *_disagreements(compared, turned_round, subject, motion, wrong_at))
+    for fault in _disagreements(compared, turned_round, subject, motion, wrong_at):
+        silent = fault["kind"] is Cause.ORDER and isinstance(told.turned_round, EngineError)
+        part.blame(method.called, {**fault, "message": f"no answer: {told.turned_round}"} if silent else fault)
 
 
 def _disagreements(
@@ -403,10 +406,10 @@ def _beyond(
     return {**wrong(quantity, kind, violated.text), **seen}
 
 
-def _turned_round(motion: Motion | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
+def _turned_round(motion: Motion | EngineError | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
     """Return the comparison of a method's answer to the same scene stated otherwise (`restated`)."""
     ref, fewer = subject.ref, subject.turned_round
-    if motion is None or any(misshapen(fewer, motion)):
+    if not isinstance(motion, Motion) or any(misshapen(fewer, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
         whole = (float(ref.motion.t[0]), float(ref.motion.t[-1]))
         return Comparison(nothing, len(fewer.times), 0, np.zeros(0, bool), whole[1], [whole])
