@@ -58,7 +58,24 @@ class Question:
 def questions() -> tuple[Question, ...]:
     """Return all questions, the plainest first; no two are about the same."""
     of_space = (Question(*asked) for asked in spatial_scenes(WAVE, TIMES[::2]))
-    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *of_space)
+    asked = (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *of_space)
+    return (*asked, *(_by_rate(question) for question in asked if question.about in BY_RATE))
+
+
+BY_RATE = (
+    *("x of a point driven", "y of a point driven", "distance driven"),
+    *("space: revolute", "space: displacement driven", "space: distance driven"),
+)
+"""What is asked about once more with the rate of its law instead of the law: one of each driver but the angle."""
+
+
+def _by_rate(question: Question) -> Question:
+    (driver,) = question.scene.mechanism.drivers
+    wave: Any = driver.law
+    rate = replace(wave, amplitude=wave.amplitude * wave.angular_frequency, phase=wave.phase + math.pi / 2, offset=0.0)
+    given = replace(driver, law=Integral(rate=rate, initial=wave(0.0)))  # type: ignore[arg-type]
+    mechanism = replace(question.scene.mechanism, drivers=(given,))
+    return Question(f"{question.about}, by a rate", replace(question.scene, mechanism=mechanism))
 
 
 CRANK = pin("O", GROUND, (0.0, 0.0), "crank", (-0.5, 0.0))
@@ -100,12 +117,14 @@ def _joints() -> Iterator[Question]:
     inner = {**wheel, "wheel": (2.0, 0.5, 1.1)}
     yield Question("internal gear", _scene(inner, CRANK, axle, replace(mesh, radius_j=-0.8)))
     arm = pin("W", "crank", (0.5, 0.0), "wheel", (0.0, 0.0))
-    planet = replace(mesh, body_i=GROUND, carrier="crank")
-    yield Question("gear on a carrier", _scene({**crank, "wheel": (0.42, 0.91, 1.85)}, CRANK, arm, planet))
+    planet = replace(mesh, body_i=GROUND, carrier="crank", radius_i=-1.2)
+    yield Question("gear on a carrier", _scene({**crank, "wheel": (0.42, 0.91, -1.15)}, CRANK, arm, planet))
     rack_guide = Prismatic(name="guide", **ends(GROUND, (0.0, 1.4), "rack"), axis_i=along, angle=0.2)
     teeth = ends("rack", (0.1, 0.0), "crank", (-0.5, 0.0))
     rack = RackAndPinion(name="teeth", **teeth, axis_i=along, radius=0.7, phi0=0.3, s0=0.2)
     yield Question("rack_and_pinion", _scene({**crank, "rack": (-1.2, -0.21, 0.2)}, CRANK, rack_guide, rack))
+    below = replace(rack, radius=-0.7)
+    yield Question("rack on the other side", _scene({**crank, "rack": (-0.66, 0.52, 0.2)}, CRANK, rack_guide, below))
     lift = Prismatic(name="guide", **ends(GROUND, (0.2, 0.0), "follower"), axis_i=(0.0, 1.0), angle=0.3)
     for about, cam, height in _cams():
         yield Question(about, _scene({**crank, "follower": (0.2, height, 0.3)}, CRANK, lift, cam))

@@ -168,6 +168,8 @@ def _geared(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     wheels = axle("one", GROUND, "wheel", Z), axle("two", GROUND, "pinion", tilted)
     bevel = mesh("one", 0.5, "two", 0.25, phi0_i=0.3, phi0_j=0.7)
     yield "gear, bevel wheels", _scene(times, poses, (*wheels, bevel), motor)
+    inside = {**poses, "pinion": (*AT, 0.38, 0.55, 0.0, 0.74)}
+    yield "gear, internal bevel wheels", _scene(times, inside, (*wheels, replace(bevel, radius_j=-0.25)), motor)
     slow = Polynomial(coefficients=(0.0, 0.5))
     arm = SpatialAngleDriver(name="arm", joint="shaft", law=slow)
     poses = {"arm": rest, "sun": (*AT, 0.85, 0.0, 0.0, 0.53), "planet": (*AT, 0.45, -0.89, 0.0, 0.0)}

@@ -120,11 +120,19 @@ LONG = "np.linalg.norm(j.{})"
 FRAME = {"axis_j": "(0.0, 0.0, 1.0)", "zero_j": "(1.0, 0.0, 0.0)"}
 AS_LONG = {"s0": f"j.s0 / {LONG.format('axis_i')}", "radius": f"j.radius / {LONG.format('axis_i')}"}
 DISC = f"replace(j.profile, radius=j.profile.radius / {LONG.format('normal_j')})"
+BY_RATE = {
+    **{"x of a point driven": "x", "y of a point driven": "y", "distance driven": "distance"},
+    **{"space: revolute": "angle", "space: displacement driven": "displacement", "space: distance driven": "distance"},
+}
 GRANTED = {
     "cam: point on a profile": changed("cam", point_j="(0.0, 0.0)"),
     "cam: flat on a profile": changed("cam", normal_j="(0.0, 1.0)"),
     "cam: flat on a disc": changed("cam", profile=DISC),
     "rack_and_pinion": changed("rack_and_pinion", **AS_LONG),
+    "rack on the other side": changed("rack_and_pinion", radius="abs(j.radius)"),
+    "gear on a carrier": changed("gear", radius_i="abs(j.radius_i)"),
+    "space: gear, internal bevel wheels": changed("gear", radius_j="abs(j.radius_j)"),
+    **{f"{about}, by a rate": changed(kind, initial="0.0") for about, kind in BY_RATE.items()},
     "law: table": changed("angle", law="replace(j.law, argument=tuple(np.linspace(-1.0, 3.0, 6).tolist()))"),
     "law: periodic table": changed("angle", law="replace(j.law, argument=(0.0, 0.3, 0.5, 1.3), periodic=False)"),
     "space: revolute": changed("revolute", **FRAME),
