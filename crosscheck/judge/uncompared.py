@@ -181,10 +181,10 @@ class Uncompared:
         joint, bent = (by_part(largest, x, place.coordinates, place.rows) for x in at_joints(system, q, qd, qdd))
         at_joint = joint, bent + joint**2
         left = by_part(largest, np.where(rows[:, None], system.phi(q, t), 0.0), place.rows, place.rows)
-        turned = TURNING * rate * left, TURNING * (1.0 + 2.0 * TURNING) * (bend + rate**2) * left
+        turned = _turned(rate, bend, left)
         for order, own in enumerate(rate_rows(system, q, qd, qdd, t, rounding), 1):
             allowed = own.error + np.einsum("mnt,nt->mt", np.abs(slope), rounding[order])
-            allowed += by_part(solve_error, own.size, place.rows, place.rows) + turned[order - 1]
+            allowed += by_part(solve_error, own.size, place.rows, place.rows) + turned[order]
             for term in (term for term in self.terms if term.level == QUANTITIES[order]):
                 allowed += term.absolute + term.relative * own.size + term.of_rates * at_joint[order - 1]
             beyond = np.abs(own.left) > allowed + _contradiction(slope, own.right, rows)
@@ -232,14 +232,13 @@ def opened_beside(
     Parameters
     ----------
     ref, motion, terms
-        As for `Uncompared`; rows of another form than the reference's (`Term.form`) are not asked.
+        As for `Uncompared`.
     compared : Comparison
         The answer's.
     """
     held = [compared.quantities[q] for q in takewhile(compared.quantities.__contains__, QUANTITIES)]
     here = (ref.sigma_min <= BESIDE) & np.all([quantity.ratio <= 1.0 for quantity in held], axis=0)
-    mechanism = ref.system.mechanism
-    if not here.any() or any(in_form(mechanism, term.form) is not mechanism for term in terms):
+    if not here.any():
         return
     off = [np.nan_to_num(quantity.difference[:, here]) for quantity in held]
     known = np.zeros(ref.system.n, bool)
@@ -268,19 +267,34 @@ def _beyond(
     system: Any = ref.system.held_at(levels[0])  # no spin violates anything
     q, qd, qdd = (*levels, *(level[:, here] for level in ref.levels[len(levels) :]))
     s, further, coriolis = map(np.abs, slopes(system, q, qd, qdd, t)[1:])
-    slope = system.phi_q(levels[0], t)
+    slope, mechanism = system.phi_q(levels[0], t), system.mechanism
+    others = [term for term in terms if in_form(mechanism, term.form) is not mechanism]
+    left_in = sum((_left_in(system, term, levels[0], slope, t) for term in others), np.zeros(1))
+    turned = _turned(np.max(np.abs(qd), axis=0), np.max(np.abs(qdd), axis=0), left_in)
     for order, (level, moved) in enumerate(zip(levels, ((), (s,), (further, coriolis)), strict=False)):
         left = (system.phi, system.nu, system.gamma)[order](*levels[: max(order, 1)], t)
-        allowed = carry.of_rows[order][:, k]
+        allowed = carry.of_rows[order][:, k] + turned[order]
         if order:
             left = left - times(slope, level)
             allowed = allowed + solve_error(times(np.abs(slope), off[order]))  # what is off is solved for, too
-        for term in (term for term in terms if term.level == QUANTITIES[order]):
+        for term in (term for term in terms if term.level == QUANTITIES[order] and term not in others):
             of_rates = term.of_rates * largest(carry.rates[order][:, k])
             allowed = allowed + term.absolute + term.relative * carry.size[order][:, k] + of_rates
         for by, of in zip(moved, off, strict=False):
             allowed = allowed + 2.0 * np.einsum("kmn,nk->mk", by, of)
         yield np.abs(left) > carry.weights * allowed
+
+
+def _left_in(system: System, term: Term, q: Any, slope: Any, t: Any) -> Any:
+    """Return what a residual of the position in rows of another form is in ours, (m, K): they are linear in those."""
+    other = compile_system(in_form(system.mechanism, term.form), unit=system.unit).held_at(q).phi_q(q, t)
+    ours, theirs = (np.moveaxis(x, -1, 0) for x in (slope, other))
+    return term.absolute * np.sum(np.abs(ours @ np.linalg.pinv(theirs)), axis=2).T
+
+
+def _turned(rate: Any, bend: Any, left: Any) -> tuple[Any, Any, Any]:
+    """Return what rows that turn as joints do, M phi, leave of ours and their rates (`Uncompared._opened`)."""
+    return left, TURNING * rate * left, TURNING * (1.0 + 2.0 * TURNING) * (bend + rate**2) * left
 
 
 def _contradiction(slope: Any, right: Any, rows: Any) -> Any:

@@ -16,10 +16,14 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.uncompared import Uncompared, opened_beside
 from crosscheck.measure.check import check
+from crosscheck.scenes.conformance import WAVE
+from crosscheck.scenes.conformance_space import spatial_scenes
 from refkin.motion import Status
+from refkin.solving.starts import in_form
+from refkin.system import compile_system
 from tests.crosscheck.made_up_engines import Made
 from tests.crosscheck.test_judgements import some
-from tests.linkages import ROCKER, beside
+from tests.linkages import ROCKER, beside, remade
 from tests.places import CORPUS, ROOT
 from tests.refkin.test_answers import files
 
@@ -267,6 +271,38 @@ def test_beside_a_singular_pose_what_a_budget_allows_opens_no_joint(order):
     assert (fault["quantity"], fault["kind"]) == (QUANTITIES[order], Cause.UNCLOSED)
     with pytest.raises(AssertionError, match=f"{QUANTITIES[order]}: ok where joints are open"):
         crosscheck.assert_agrees(wrong, scene)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("absolute", [0.0, 1e-13])
+def test_beside_a_singular_pose_joints_are_asked_of_whoever_has_rows_of_another_form(absolute, order):
+    """Rows in dot products are linear in those in half angles, and so is what is left in them: no term lets them off.
+
+    A cylinder nearly as long as it can be, at which it lifts its boom no further.
+    """
+    longest, terms = 2.5279215651039446, (Term(name="r", level="position", reason="", absolute=absolute, form="dot"),)
+    law = refkin.Polynomial(coefficients=(1.2, longest - 1e-10 - 1.2))
+    boom = next(scene for about, scene, _ in spatial_scenes(WAVE, (0.0, 1.0)) if about == "space: distance driven")
+    scene = remade(boom, drivers=(replace(boom.mechanism.drivers[0], law=law),))
+    ref = reference(scene)
+    allowed, levels = ref.budget(terms).levels[order][:, 1], [level.copy() for level in ref.motion.levels]
+    alone = np.arange(len(allowed)) == np.argmax(allowed)
+    levels[order][:, 1] += ref.system.to_physical(0.9 * allowed * alone, max(order, 1))
+    wrong = replace(ref.motion, q=levels[0], qd=levels[1], qdd=levels[2])
+    compared = compare(ref, wrong, terms)
+
+    assert compared.agrees
+    assert {fault["quantity"] for fault in opened_beside(ref, wrong, terms, compared)} == {QUANTITIES[order]}
+    dot = compile_system(in_form(scene.mechanism, "dot"), unit=ref.system.unit)
+    q, t = ref.levels[0][:, 1], 1.0
+    for _ in range(4):  # what such rows leave is no fault, nor are rates that solve them
+        q = q - np.linalg.solve(dot.phi_q(q, t), dot.phi(q, t) - 0.9 * absolute)
+    qd = np.linalg.solve(dot.phi_q(q, t), dot.nu(q, t))
+    levels = [level.copy() for level in ref.motion.levels]
+    for k, level in enumerate((q, qd, np.linalg.solve(dot.phi_q(q, t), dot.gamma(q, qd, t)))):
+        levels[k][:, 1] = ref.system.to_physical(level, k)
+    right = replace(ref.motion, q=levels[0], qd=levels[1], qdd=levels[2])
+    assert list(opened_beside(ref, right, terms, compare(ref, right, terms))) == []
 
 
 def test_rates_may_be_those_of_another_pose_that_is_allowed():
