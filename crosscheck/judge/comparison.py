@@ -262,7 +262,7 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
         In the order in which the levels have them.
     levels : mapping
         Order 0, 1, 2 -> position, velocity, acceleration (width * bodies, T) of the bodies [m, rad], in their order. In
-        space no rate comes without what it is the rate of.
+        space no rate comes without the position.
     at : index
         The places among the reference's times of those that the levels have.
     """
@@ -274,8 +274,15 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
             theirs[0, c :: system.kind.width] -= shift
         theirs[:, c :: system.kind.width] /= system.unit.size
     if system.kind.name == "spatial":
+        given, alone = theirs, bool(ref.passive) and list(levels) == [0, 2]
+        if alone:
+            theirs = np.insert(theirs, 1, np.nan, axis=0)
+            ours = np.insert(ours, 1, ref.levels[1][rows][:, at], axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             theirs = np.array(alike(list(theirs), list(ours), bodies, ref.passive))
+        if alone:  # how what spins as it likes is accelerated says nothing where it is not said how fast it spins
+            theirs, ours = theirs[::2], ours[::2]
+            theirs = np.where(np.isnan(theirs) & np.isfinite(given), ours, theirs)
     return theirs, ours
 
 
