@@ -41,7 +41,7 @@ from crosscheck.strategies import (
 )
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import Driver
-from refkin.model import Point, Scene
+from refkin.model import Effect, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Integral
 from refkin.scenes.files import to_toml
@@ -73,6 +73,10 @@ WELL_KNOWN, PART = 4, 4
 """A scene every two of whose features a night has met so often is checked at one of so many parts of its times, of
 linkages the one that is nearest to a singular pose, or at so many times fewer (`shortened`): the night moves on to what
 it knows less of."""
+CALLED_FOR = st.sampled_from(
+    (*(frozenset(Effect),) * 21, frozenset(), *(frozenset({effect}) for effect in Effect)),
+)
+"""Of so many scenes, one calls for positions alone, and one for each of the rates without the other."""
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind. The simplest ticket, 0, has no scene:
@@ -237,7 +241,9 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
 @st.composite
 def _with_ticket(draw: st.DrawFn, scenes: st.SearchStrategy[Any], refused: bool) -> Any:
     if draw(TICKETS):
-        return draw(scenes)
+        drawn = draw(scenes)
+        scene = drawn.scene if refused else replace(drawn.scene, effects=draw(CALLED_FOR, label="effects"))
+        return replace(drawn, scene=scene)
     assume(not refused)
     return None
 

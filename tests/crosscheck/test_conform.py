@@ -157,7 +157,6 @@ def test_an_engine_that_takes_for_granted_what_plain_scenes_have_is_told(about, 
 
 @pytest.mark.parametrize("rate", ["velocity", "acceleration"])
 def test_an_engine_that_gives_a_rate_right_beside_the_other_alone_is_told(rate, tmp_path):
-    """No drawn scene asks for one of them."""
     level = {"velocity": "qd", "acceleration": "qdd"}[rate]
     alone = f"motion = motion if len(scene.effects) > 1 or motion.{level} is None else"
     spec = engine_file(tmp_path, after=f"{alone} replace(motion, {level}=motion.{level} + 1e-3)")

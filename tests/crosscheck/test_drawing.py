@@ -17,6 +17,7 @@ from crosscheck.scenes import drawing
 from crosscheck.scenes.drawing import OutOfTime, draw, effort, in_part, seed_of_scene, shortened, shrink
 from crosscheck.strategies import Chain, Drawn, Ended, Hardness
 from crosscheck.strategies.linkages import longest
+from refkin.model import Effect
 from refkin.motion import Status
 from refkin.solving.solve import solve
 
@@ -83,6 +84,14 @@ def test_no_kind_of_scene_is_left_out():
     assert min(counts.values()) >= 13  # 2.4 of them below
     assert (len(chains), chains.total()) == (6, 45)
     assert min(chains.values()) >= 3
+
+
+def test_what_a_scene_calls_for_is_drawn_too():
+    """Of 24 scenes one calls for positions alone, and two for one rate without the other."""
+    counts = Counter(draw(3, number, 4).scene.effects for number in range(112) if number % 28 not in (12, 19))
+
+    assert counts.keys() == {frozenset(), *(frozenset({effect}) for effect in Effect), frozenset(Effect)}
+    assert counts[frozenset(Effect)] >= 80
 
 
 def test_scenes_are_no_variations_of_one_another():
