@@ -97,14 +97,17 @@ def find_start(system: System, scene: Scene) -> Start:
 
 def in_form(mechanism: Mechanism, form: str) -> Mechanism:
     """Return a mechanism of space with its rows in a form; as it is if they are, and those of the plane, or form ""."""
-    if all(getattr(part, "form", form) == form for part in (*mechanism.joints, *mechanism.drivers)) or not form:
+    joints, drivers = mechanism.joints, mechanism.drivers
+    of_drivers = "dot" if form == "printed" else form  # no driver has printed rows
+    known = [getattr(c, "form", own) == own for parts, own in ((joints, form), (drivers, of_drivers)) for c in parts]
+    if all(known) or not form:
         return mechanism
-    changes = {"form": form, "spacing": None}  # a spacing belongs to printed rows
 
-    def changed(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    def changed(parts: tuple[Any, ...], form: str) -> tuple[Any, ...]:
+        changes = {"form": form, "spacing": None}  # a spacing belongs to printed rows
         return tuple(replace(c, **{key: new for key, new in changes.items() if hasattr(c, key)}) for c in parts)
 
-    return replace(mechanism, joints=changed(mechanism.joints), drivers=changed(mechanism.drivers))
+    return replace(mechanism, joints=changed(joints, form), drivers=changed(drivers, of_drivers))
 
 
 def _meant(scene: Scene) -> Scene:

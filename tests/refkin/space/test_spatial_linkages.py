@@ -228,6 +228,9 @@ def test_joints_in_several_forms_are_brought_into_one():
 
     assert dot != half == in_form(mixed, "half")
     assert in_form(half, "half") is half
+    printed = in_form(half, "printed")  # of drivers there is no such form
+    assert [part.form for part in (printed.joints[0], *printed.drivers)] == ["printed", "dot"]
+    assert in_form(printed, "printed") is printed
     assert in_form(mixed, "") is mixed
 
 
