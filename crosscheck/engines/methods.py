@@ -48,8 +48,8 @@ MODULES = {
     "refkin": "ours.refkin_methods",
     "refkin-batch": "ours.batch",
     "scipy": "ours.scipy_methods",
-    "numpy": "ours.numpy_methods",
-    "c": "ours.c_methods",
+    "numpy": "ours.rivals",
+    "c": "ours.rivals",
     "exudyn": "exudyn.methods",
     "mujoco": "mujoco.methods",
     "pinocchio": "pinocchio.methods",
@@ -300,6 +300,13 @@ def one_by_one(
     return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers, note)
 
 
+def of_four_bars(workload: Workload) -> FourBars:
+    """Return a workload of four-bars; raises EngineError if it is none."""
+    if not isinstance(workload, FourBars):
+        raise EngineError("made for four-bars")
+    return workload
+
+
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
     """Return the methods of a producer: one of `OURS`, what `engines.loading.load` takes, or an engine.
 
@@ -313,7 +320,8 @@ def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
 def _listed(engine: str | Engine) -> list[Method]:
     if isinstance(engine, str) and engine in MODULES:
         try:
-            return list(import_module(f"crosscheck.engines.{MODULES[engine]}").methods())
+            listed = import_module(f"crosscheck.engines.{MODULES[engine]}").methods()
+            return [one for one in listed if one.engine == engine]
         except ImportError as error:
             raise EngineError(f"{engine} is not installed: {error}") from error
     loaded: Any = load(engine) if isinstance(engine, str) else engine

@@ -1,4 +1,7 @@
-"""The rivals in C: dense Newton, the fast path's own program, the closed form; one thread, compiled here and now."""
+"""The rivals of the benchmark: the closed form on NumPy rows, which is the limit, and in C; there, dense Newton, too.
+
+The fast path's own program is the third in C. What is in C is compiled here and now, and runs in one thread.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,31 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.methods import Batch, Method, Use
+from crosscheck.engines.methods import Batch, Method, Use, of_four_bars
 from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.c_kernels import emitted, geometry_of, library, row_of, rows
 from crosscheck.engines.ours.chains import program_of
-from crosscheck.engines.ours.numpy_methods import of_four_bars
+from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, AnswerPiece, FourBars, LoopChain, Workload, chunks, system_of, whole
 
 LONG, DOUBLE = ctypes.c_long, ctypes.c_double
 TIMED = 1000
 """Of many mechanisms so many are timed; all are judged."""
+AT_ONCE = 10_000
+"""Configurations that NumPy computes at once: their rows stay in the cache."""
 
 
 def methods() -> Iterator[Method]:
-    """Yield the methods in C, at the benchmark's workloads."""
+    """Yield the rivals, at the benchmark's workloads."""
+    yield Method(
+        engine="numpy",
+        name="closed form",
+        newton_by="nobody: two circles meet",
+        uses=frozenset({Use.BENCH}),
+        batch=on_rows,
+        at_once=True,
+        note="two circles meet, differentiated twice, all at once; knows what a four-bar is",
+    )
     for name, batch, note in (
         ("same program", _same_program, "the fast path's list of operations, compiled"),
         ("dense Newton", _dense, "all equations, LU with partial pivoting; residual and branch checked"),
@@ -30,6 +44,23 @@ def methods() -> Iterator[Method]:
     ):
         who: Any = {"engine": "c", "name": name, "newton_by": "C: pose after pose", "note": note}
         yield Method(**who, uses=frozenset({Use.BENCH}), batch=batch, at_once=True)
+
+
+def on_rows(workload: Workload, order: int) -> Batch:
+    """Return the vectorised closed form; all orders come at once."""
+    work = of_four_bars(workload)
+    phi = SPEED * work.t[None, :]
+    step = max(1, AT_ONCE // len(work.t))
+
+    def run() -> None:
+        for start in range(0, work.mechanisms, step):
+            four_bar(work.lengths[:, start : start + step, None], phi, SPEED)
+
+    def pieces() -> Iterator[AnswerPiece]:
+        for samples in chunks(work):
+            yield whole(work, samples, four_bar(work.lengths[:, samples, None], phi, SPEED))
+
+    return Batch(run, work.configurations, pieces)
 
 
 def _dense(workload: Workload, order: int) -> Batch:
