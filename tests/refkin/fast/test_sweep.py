@@ -34,9 +34,9 @@ from refkin import (
     Table,
 )
 from refkin.fast import attempt, sweep
+from refkin.fast.answer import by_all_rows
 from refkin.fast.elimination import run
 from refkin.fast.prepare import Prepared, prepared
-from refkin.fast.redundant import by_all_rows
 from refkin.proof.path import branch
 from refkin.scenes.linkages import RSSR
 from tests.linkages import remade, system_of, with_estimates, without_estimates
