@@ -25,14 +25,12 @@ from refkin.output import SceneMotion
 from refkin.proof.singularity.diagnosis import Diagnosis, PoseKind
 from refkin.scenes.files import load
 from refkin.solving import solve as solving
-from refkin.solving.limits import expected_seconds
+from refkin.solving.limits import LONG, expected_seconds
 from refkin.solving.mobility import Count, Mobility, Rank, count, mobility_of
 from refkin.solving.starts import diagnose, find_start
 from refkin.system import compile_system
 
 SCHEMA = 1
-LONG = 5.0
-"""Seconds of silence: what takes longer says so first."""
 
 
 def solve(scene: SceneFile, *, as_json: Json = False, csv: Path | None = None) -> int:

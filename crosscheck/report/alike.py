@@ -92,7 +92,5 @@ class SameScenes:
 
 def _digits(found: Iterable[_Answered], who: Who, name: str) -> dict[str, Any]:
     """Return samples, median, 1st percentile and worst of a method over all that was found."""
-    counts: Counter[int] = Counter()
-    for each in found:
-        counts.update(each.digits.get((who, name), {}))
+    counts = sum((each.digits.get((who, name), Counter()) for each in found), Counter[int]())
     return {"samples": counts.total(), **describe(counts)}

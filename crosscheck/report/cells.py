@@ -25,9 +25,7 @@ class Digits:
 
     def add(self, decade: int | None, histogram: Mapping[int, int]) -> None:
         """Merge a histogram of a record."""
-        counts = self.by_decade.setdefault(decade, Counter())
-        for tenths, times in histogram.items():
-            counts[tenths] += times
+        self.by_decade.setdefault(decade, Counter()).update(histogram)
 
     @property
     def samples(self) -> int:
@@ -36,10 +34,7 @@ class Digits:
 
     def described(self) -> dict[str, Any]:
         """Return median, 1st percentile and worst over all decades; None where there is no sample."""
-        merged: Counter[int] = Counter()
-        for counts in self.by_decade.values():
-            merged.update(counts)
-        return describe(merged)
+        return describe(sum(self.by_decade.values(), Counter()))
 
     def described_by_sigma(self) -> dict[str, dict[str, Any]]:
         """Return the same per decade of sigma_min, with the number of samples, nearest to singular first."""

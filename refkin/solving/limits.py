@@ -29,7 +29,7 @@ POSES_PER_TURNING = 9
 SECONDS_PER_FLOP, FLOPS = 1e-9, 8.0
 """Of dense elimination; a pose takes some eight: Newton's steps, singular values, the inverse, its proof."""
 LONG = 5.0
-"""Seconds of silence; then it is said again after twice as long."""
+"""Seconds of silence: what takes longer says so, and again after twice as long."""
 LOOK = 0.5
 """Seconds between two looks."""
 
