@@ -47,21 +47,20 @@ def slider_crank(crank: float, rod: float, offset: float, given: Input) -> LoopS
     return LoopSystem(("theta3", "s"), [loop])
 
 
-def inverted_slider_crank(ground: float, crank: float, offset: float, given: Input) -> LoopSystem:
-    """Return l2 e^(i theta2) - l1 - (s + i h) e^(i theta3) = 0 in theta3, s: a crank's pin slides on rod 3.
+def inverted_slider_crank(ground: float, crank: float, given: Input) -> LoopSystem:
+    """Return l2 e^(i theta2) - l1 - s e^(i theta3) = 0 in theta3, s: a crank's pin slides on rod 3, through its pivot.
 
-    Without an offset this is the Coriolis example of the notes on Shabana, with s the place of the block on the rod.
+    It is the Coriolis example of the notes on Shabana, with s the place of the block on the rod.
 
     Parameters
     ----------
-    ground, crank, offset : float
-        Lengths l1, l2, and h, by which the rod passes its pivot to the left.
+    ground, crank : float
+        Lengths l1, l2.
     given : Law or float
         theta2 [rad].
     """
     theta3, s = Variable(unknown="theta3"), Variable(unknown="s")
-    slide = (LoopVector(-1.0, s, theta3), LoopVector(-1j * offset, angle=theta3))
-    loop = (LoopVector(crank, angle=variable(given)), LoopVector(-ground), *slide)
+    loop = (LoopVector(crank, angle=variable(given)), LoopVector(-ground), LoopVector(-1.0, s, theta3))
     return LoopSystem(("theta3", "s"), [loop])
 
 

@@ -43,7 +43,7 @@ def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
         ("geared", geared(), None),
         (
             "inverted",
-            loops.inverted_slider_crank(0.5, 0.2, 0.0, LAW),
+            loops.inverted_slider_crank(0.5, 0.2, LAW),
             shabana.CoriolisExample(0.5, 0.2, given).system(),
         ),
         ("slotted", loops.slotted(coupled, LAW), metu.slotted(coupled)),

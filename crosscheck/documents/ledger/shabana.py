@@ -174,7 +174,7 @@ def turned(angle: Any, quarters: int) -> Any:
 def loops_d7(n: Binary64, given: Given) -> Values:
     """The same rates from the differentiated loop."""
     l1, l2 = numbers(n, given, "l1", "l2")
-    system = loops.inverted_slider_crank(l1, l2, 0.0, _driven(n, given))
+    system = loops.inverted_slider_crank(l1, l2, _driven(n, given))
     q = vector_loop.close(system, n.vector(given["estimate"])).q
     qd = system.velocity(q, 0.0)
     return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
