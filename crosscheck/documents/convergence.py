@@ -74,7 +74,7 @@ def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float =
     return Observed(rate, float(np.max(np.abs(ratios - rate))), len(ratios))
 
 
-def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observed:
+def slope(h: Any, errors: Any, floor: float) -> Observed:
     """Return the slope of log error over log h, of at least four points.
 
     `spread` is the largest distance of a slope between neighbours from the fitted one.
@@ -83,11 +83,11 @@ def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observe
     ----------
     h, errors : (N,) array
         Steps, and the error of each.
-    floor, ceiling : float
-        Errors between the two count.
+    floor : float
+        Errors above it count.
     """
     h, errors = np.asarray(h, float), np.asarray(errors, float)
-    keep = (errors > floor) & (errors < ceiling)
+    keep = errors > floor
     if keep.sum() < 4:
         return NOTHING
     x, y = np.log(h[keep]), np.log(errors[keep])
