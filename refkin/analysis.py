@@ -119,7 +119,7 @@ def sigma_min(phi_q: Any) -> float:
 
 def slow_enough(rates: Sequence[Any], axis: int | None = None) -> Any:
     """Return whether velocities and accelerations (n, T), as far as there are any, are none too large; by `axis`."""
-    return np.all([np.abs(x).max(axis, initial=0.0) <= FASTEST**order for order, x in enumerate(rates, 1)], axis=0)
+    return np.logical_and.reduce([np.abs(x).max(axis, initial=0.0) <= FASTEST**k for k, x in enumerate(rates, 1)])
 
 
 def sweep(scene: Scene) -> Motion:

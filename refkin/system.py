@@ -73,7 +73,7 @@ class System:
     @cached_property
     def turns(self) -> Any:
         """How far a body turns [rad] as each coordinate changes by 1, (n,): 1 for angles, as all parameters are."""
-        return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), np.ones(self.n - self.of_bodies))
+        return np.array(self.kind.turns * len(self.mechanism.bodies) + (1.0,) * (self.n - self.of_bodies))
 
     @cached_property
     def angles(self) -> Any:

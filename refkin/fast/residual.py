@@ -44,8 +44,7 @@ def residual_of_rows(system: System, q: Any, t: Any) -> Any:
         Times [s].
     """
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
-    turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
-    rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]
+    rows = [row.view(_Angle) if angle else row for row, angle in zip(q, system.angles.tolist(), strict=True)]
     values: dict[int | None, Any] = {None: kind.values(*(x or _NOTHING for x in kind.still))}
     values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
     values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
