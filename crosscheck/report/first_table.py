@@ -37,7 +37,7 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     apart = [tuple(who) for block in others for who in block["apart"]]
     named = [(engine, method) for engine, methods in report["engines"].items() for method in methods]
     of_first = [who for who in named if who not in apart]
-    alike = f"{HALF}, on the {_size(first)} that all of these answered"
+    alike = f"{HALF}, on the {_size(first)} that all of these answered; rates where these are called for"
     blocks = [{"head": alike if first["scenes"] else "", "rows": _rows(report, first, of_first)}]
     most = ": the most digits of any setting on any scene of the price list" if report["price"] else ""
     answering = {row["engine"] for row in report["methods"] if row["scenes"]}

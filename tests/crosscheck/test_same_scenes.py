@@ -63,7 +63,8 @@ def test_a_method_that_is_asked_for_easier_scenes_does_not_look_better() -> None
     (head, first), (of_few, few) = blocks(sampled()[1])
 
     assert {row[1] for row in first.values()} == {"12.2 / 8.0"}
-    assert head == "half of all poses / the worst pose, on the 6 scenes (24 poses) that all of these answered"
+    of_which = "on the 6 scenes (24 poses) that all of these answered; rates where these are called for"
+    assert head == f"half of all poses / the worst pose, {of_which}"
     assert [row[1:4] for row in few.values()] == [["15.6 / 15.5"] * 3, ["16.1 / 16.0"] * 3]
     assert list(few) == ["pinocchio · joint", "the best of"]
     assert "on the 2 scenes (8 poses) that these and all of the first block answered" in of_few
