@@ -18,7 +18,7 @@ from mpmath import mpf
 
 import refkin
 from refkin import Body, Cam, Mechanism, Point, Polar, Polynomial, RackAndPinion, Sinusoid, Table, compile_system
-from refkin.errors import InvalidScene
+from refkin.errors import InvalidScene, UnknownName
 from refkin.output import Drawing
 from refkin.proof.numbers.bounded import Bounded, Extended, Times, _Rounded, bounded_system, box
 from refkin.proof.numbers.exact import exact, exact_system
@@ -121,6 +121,8 @@ def test_parameters_come_after_all_bodies():
     assert (system.n, system.m, system.of_bodies) == (7, 7, 6)
     assert system.parameter("contact") == slice(6, 7)
     assert system.parameter("guide of follower") == slice(0, 0)
+    with pytest.raises(UnknownName, match=r"no part is called 'guide'; there are: .*contact"):
+        system.parameter("guide")
     assert system.angles.tolist() == [False, False, True, False, False, True, True]
 
 
