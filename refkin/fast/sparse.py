@@ -21,6 +21,7 @@ from refkin.model import Effect, Scene
 from refkin.motion import SINGULAR, Status
 from refkin.newton import ROUND_OFF, contracts
 from refkin.proof.formulas import agreeing
+from refkin.proof.path.blocks import matching
 from refkin.solving.starts import NEARBY
 from refkin.system import ConstraintRows, System, compile_system
 from refkin.vec import BodyValues, ParameterValue
@@ -163,7 +164,6 @@ class SparseSystem:
     def _lay_out(self) -> None:
         """Find the pattern, where in it each entry of each group goes, and what is constant."""
         from scipy.sparse import csc_array
-        from scipy.sparse.csgraph import structural_rank
 
         n = self.system.n
         entries = list(self._entries(np.zeros(n), 0.0))
@@ -176,7 +176,8 @@ class SparseSystem:
         place[order.data.astype(int) - 1] = np.arange(len(rows))
         self._places = np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1])
         self._pattern = order.indices, order.indptr
-        if structural_rank(order) < n:  # SuperLU looks for a pivot beyond its arrays then, and may end the process
+        rows_of = [part.tolist() for part in np.split(order.indices, order.indptr[1:-1])]
+        if matching(rows_of) is None:  # SuperLU looks for a pivot beyond its arrays then, and may end the process
             raise RefkinError("the equations have no unique solution by their structure: some rows are redundant")
         self._constants = np.zeros(len(rows))
         for at, (_, _, entry) in zip(self._places, entries, strict=True):

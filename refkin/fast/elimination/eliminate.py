@@ -224,7 +224,8 @@ def blocks_of(matrix: Sequence[Row], core: Sequence[int]) -> tuple[dict[int, int
     pattern = np.zeros((len(matrix), len(core)), bool)
     for i, row in enumerate(matrix):
         pattern[i, [place[c] for c in row]] = True
-    row_of = matching(pattern) if len(matrix) == len(core) else None
+    columns = [np.flatnonzero(row).tolist() for row in pattern]
+    row_of = matching(columns) if len(matrix) == len(core) else None
     if row_of is None:
         raise NotReducible(f"{len(core)} core coordinates and {len(matrix)} rows that cannot be matched one to one")
     ordered = pattern[row_of]  # the row of each coordinate

@@ -8,6 +8,7 @@ their change points together, and go over to their other branches together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -133,7 +134,7 @@ def diagonal_blocks(pattern: Any) -> list[tuple[Any, Any]]:
     Rows are matched to columns; then those belong to one block that depend on each other in both directions (A. L.
     Dulmage and N. S. Mendelsohn, 1958). One block of everything if there is no such matching.
     """
-    row_of = matching(pattern)
+    row_of = matching([np.flatnonzero(row).tolist() for row in pattern])
     if row_of is None:
         return [(np.arange(len(pattern)), np.arange(len(pattern)))]
     return [(row_of[columns], columns) for columns in strong_components(pattern[row_of])]
@@ -148,9 +149,11 @@ def strong_components(pattern: Any) -> list[Any]:
     return [np.array(k) for k in sorted({tuple(np.flatnonzero(row).tolist()) for row in reached & reached.T})]
 
 
-def matching(pattern: Any) -> Any:
-    """Return a row with an entry there for each column, none twice, by augmenting paths; None if there is none."""
-    columns = [np.flatnonzero(row).tolist() for row in pattern]
+def matching(columns: Sequence[Sequence[int]]) -> Any:
+    """Return a row for each of as many columns, none twice, that has it among its `columns`; None if there is none.
+
+    By augmenting paths. SciPy's matching takes a time that doubles with every few loops of a chain in some orders.
+    """
     row_of: dict[int, int] = {}
     column_of: dict[int, int] = {}
     for start in range(len(columns)):

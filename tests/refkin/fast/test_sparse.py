@@ -161,6 +161,20 @@ def test_rates_beyond_numbers_are_not_ok():
     assert solve_large(replace(fast, effects=frozenset())).status is Status.OK
 
 
+@pytest.mark.timeout(60)
+def test_the_order_of_bodies_and_joints_does_not_make_a_long_chain_endless():
+    scene = bare(chain(400, times=(0.0,)))
+    draw, m = np.random.default_rng(3), scene.mechanism
+    bodies, joints = ([parts[k] for k in draw.permutation(len(parts))] for parts in (m.bodies, m.joints))
+    moved = replace(scene, mechanism=Mechanism(bodies, joints, m.drivers))
+    result, other = solve_large(scene), solve_large(moved)
+    system = system_of(moved)
+    back = np.concatenate([other.q[system.columns(b.name)] for b in m.bodies])
+
+    assert (result.status, other.status) == (Status.OK, Status.OK)
+    assert result.q == pytest.approx(back, abs=1e-9)
+
+
 def test_rows_that_are_redundant_by_their_structure_are_refused_before_they_are_factorized():
     """A slider whose angle is driven, too: SuperLU ended the process at such."""
     ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "slider", "point_j": (0.0, 0.0)}
