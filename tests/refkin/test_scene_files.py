@@ -223,6 +223,12 @@ def test_a_scene_is_written_and_read_back_bit_for_bit():
     assert parse(json.loads(json.dumps(to_dict(scene)))) == scene
 
 
+def test_a_name_of_any_character_is_written_so_that_toml_reads_it():
+    scene = parse(GOOD | {"name": '\U0001f600 \x7f \x01 \t \n " \\ \u0171'})
+
+    assert parse(tomllib.loads(to_toml(scene))) == scene
+
+
 def test_an_example_reads_as_it_stands():
     scene = parse(GOOD)
 
