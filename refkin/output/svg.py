@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
@@ -11,6 +12,9 @@ import numpy as np
 from refkin.joints import PLANE
 from refkin.output.drawing import Drawing, DrawnLink, Part
 from refkin.output.spatial import Shape
+
+NO_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
+"""Characters that a name may have and XML may not, in no spelling."""
 
 WIDTH, MARGIN, TALLEST = 640, 36, 720
 """Pixels: of the picture, around the mechanism, and of the height at most."""
@@ -78,7 +82,7 @@ class _Sheet:
     def text(self) -> str:
         """Return the file."""
         ET.indent(self.root)
-        return ET.tostring(self.root, encoding="unicode") + "\n"
+        return NO_XML.sub("\ufffd", ET.tostring(self.root, encoding="unicode")) + "\n"
 
 
 def still(drawing: Drawing, k: int = 0, rates: Sequence[str] = ()) -> str:

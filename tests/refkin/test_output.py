@@ -55,6 +55,12 @@ def test_parts_are_drawn_where_the_bodies_are(scene, motion):
         assert ends[0][:, 1] == pytest.approx(ends[1][:, 0])
 
 
+def test_a_picture_can_be_read_whatever_characters_names_have(scene):
+    text = still(Drawing(replace(scene, name="\x01 \x7f \ufffe <&"), refkin.solve(scene)))
+
+    assert ET.fromstring(text).find("{*}title").text.startswith("\ufffd \x7f \ufffd <&")
+
+
 def test_a_distance_is_drawn_as_a_link_from_point_to_point(scene):
     """The coupler of the four-bar without its body."""
     bodies = tuple(body for body in scene.mechanism.bodies if body.name != "coupler")
