@@ -63,7 +63,7 @@ class System:
     def parameter(self, joint: str) -> slice:
         """Return where the parameter of a joint sits in q; an empty slice if it has none."""
         p = Named((p.constraint.name, p) for p in reversed(self.placed))[joint]
-        return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)  # type: ignore[operator]
+        return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)
 
     @cached_property
     def of_bodies(self) -> int:
