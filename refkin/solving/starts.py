@@ -251,9 +251,15 @@ def _choice(
         float(np.linalg.norm(x[held]) + TURNED * np.linalg.norm(y[held])) for x, y in zip(seen, away, strict=True)
     ]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
-    alike = (_turned_to(system, q, poses[nearest], True, t) for q in poses)
-    near = [*map(recentred(system).inward, alike)]  # rounding moves a frame that is far from its joints
-    others = sum(float(np.max(np.abs(q - near[nearest]))) > SAME for q in near)
+    inward = recentred(system).inward  # rounding moves a frame that is far from its joints
+    counted = slice(system.of_bodies if system.kind is SPACE else None)  # no turns that a gear of space has counted
+
+    def differ(q: Any, like: Any) -> bool:
+        off = inward(_turned_to(system, q, like, True, t)) - inward(like)
+        return float(np.max(np.abs(off[counted]))) > SAME
+
+    known = own is not None and not all(differ(q, poses[-1]) for q in search.poses)
+    others = sum(differ(q, poses[nearest]) for q in (search.poses if known else poses))
     far = [body.name for body in system.mechanism.bodies if body.name in missing and body.estimate is not None]
     absent = [name for name in missing if name not in far]
     doubt = "more than one assembly may be near the estimate" if others else "the estimate alone does not decide"

@@ -28,7 +28,7 @@ from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.singularity.diagnosis import PoseKind
 from refkin.scenes.files import parse, to_dict
 from refkin.solving.mobility import count, mobility
-from refkin.solving.starts import diagnose
+from refkin.solving.starts import diagnose, find_start
 from refkin.system import compile_system
 
 AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -236,6 +236,25 @@ def test_a_wheel_that_a_rod_holds_is_in_as_many_assemblies_as_look_different(rad
     mechanism = Mechanism((Body(name="a"), Body(name="b")), joints)
 
     assert len(assemblies(compile_system(mechanism, unit=mechanism.unit()), 0.0).poses) == 2 * turns
+
+
+@pytest.mark.parametrize(("phi", "radii"), [(-3.0, (1.0, 1.0)), (-1.0, (1.0, 2.0)), (3.0, (3.0, 2.0))])
+def test_the_assembly_that_an_estimate_leads_to_is_not_counted_once_more(phi, radii):
+    """Newton goes from it to an assembly that the search knows, or to that after turns; it is not the nearest."""
+    wheels = axle("A", GROUND, "a", Z), axle("B", GROUND, "b", Z, (sum(radii), 0.0, 0.0))
+    ends = {"body_i": GROUND, "point_i": (2.0, 1.0, 0.5), "body_j": "a", "point_j": X}
+    joints = (*wheels, mesh("A", radii[0], "B", radii[1]), SpatialDistance(name="rod", **ends, length=1.5))
+    for other in (-3.0, -1.0, 1.0, 3.0):
+        estimates = (
+            (x, 0.0, 0.0, math.cos(a / 2), 0.0, 0.0, math.sin(a / 2)) for x, a in ((0, phi), (sum(radii), other))
+        )
+        bodies = tuple(Body(name=name, estimate=estimate) for name, estimate in zip("ab", estimates, strict=True))
+        mechanism = Mechanism(bodies, joints)
+        message = find_start(
+            compile_system(mechanism, unit=mechanism.unit()), Scene(mechanism=mechanism, times=(0.0,))
+        ).message
+
+        assert f"of {2 if radii[0] == radii[1] else 4} found" in message
 
 
 def test_a_screw_and_a_cylindrical_joint_are_in_gear_by_their_turns():
