@@ -123,9 +123,7 @@ def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]
 
 def _open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
     """Return the proof that some loop of pins and distances never closes; None if there is none. `size` in metres."""
-    for count, loop in enumerate(_loops(rows)):
-        if count == MOST_LOOPS:
-            break
+    for loop in islice(_loops(rows), MOST_LOOPS):
         lengths = [(name, x) for name, x in _lengths(loop) if not x.is_zero()]
         for name, x in lengths:
             others = sum((y for _, y in lengths), arb(0)) - x
