@@ -21,7 +21,7 @@ from refkin.motion import SINGULAR, Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import least_squares, levenberg_marquardt
-from refkin.proof.assembly.search import PRIMES, SAME, Assemblies, closes, radical_inverse
+from refkin.proof.assembly.search import SAME, Assemblies, closes, halton
 from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.pose.isolate import isolate
@@ -147,8 +147,7 @@ def _new_estimate(system: System, estimate: Any, k: int, t: float) -> Any:
     """Return the k-th estimate that is made up: the angles turned by a fixed sequence; in space one of its own."""
     if system.kind is SPACE:
         return next(starts(system, t, 1, k))
-    turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
-    return estimate + math.tau * turned
+    return estimate + math.tau * np.multiply(halton(k, system.n), system.angles)
 
 
 def _leads_to_one(system: System, q: Any, t: float) -> bool:

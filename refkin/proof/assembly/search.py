@@ -1,7 +1,7 @@
 """What closed form alone does not place: groups larger than a dyad, by way of one angle that is not known.
 
 With one more angle given, a triad (a body on three links, a four-bar driven at its coupler point) falls into steps of
-closed form again, with one row left over. Over an interval of that angle, in numbers with slopes (`slopes`), every
+closed form again, with one row left over. Over an interval of that angle, in numbers with slopes (`loci.Slope`), every
 branch may end by proof: then no assembly has its angle there. Intervals that are left are halved, and their middles are
 starts for Newton's method. An interval whose branches all lie where an assembly is proved to be the only one
 (`krawczyk`) is done with. If no interval is left, what was found is all there is; if nothing was found, there is none.
@@ -221,17 +221,16 @@ class Search:
         contacts = [cam.span for cam in polar_cams(self.system.mechanism.joints)]
         ranges = [(-math.pi, math.pi) for _ in self.turned] + contacts
         for k in range(1, MOST_STARTS + 1 if ranges else 2):
-            point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
-            yield tuple(low + x * (high - low) for x, (low, high) in zip(point, ranges, strict=True))
+            point = zip(halton(k, len(ranges)), ranges, strict=True)
+            yield tuple(low + x * (high - low) for x, (low, high) in point)
 
     def _anywhere(self) -> Iterator[Array]:
         """Yield poses of bodies that no joint holds, spread evenly."""
         count = len(self.names)
         for k in range(MOST_STARTS):
-            q = np.zeros(self.system.n)
-            spread = ((2, 1.0), (3, 1.0), (5, math.pi))  # a point of the sequence for each body
-            points = range(1 + k * count, 1 + (k + 1) * count)
-            q[: 3 * count] = [reach * (2 * radical_inverse(at, base) - 1) for at in points for base, reach in spread]
+            q, reaches = np.zeros(self.system.n), (1.0, 1.0, math.pi)
+            points = (halton(at, 3) for at in range(1 + k * count, 1 + (k + 1) * count))  # one for each body
+            q[: 3 * count] = [reach * (2 * x - 1) for at in points for x, reach in zip(at, reaches, strict=True)]
             yield initial_contacts(self.system, q, self.t)
 
     @property
@@ -368,6 +367,11 @@ class _Intervals:
 def starts_of(n: int) -> int:
     """Return how many starts a search may have where there are n coordinates: each takes longer the more they are."""
     return max(1, MOST_WORK // n**2)
+
+
+def halton(k: int, count: int) -> list[float]:
+    """Return the k-th point of Halton's sequence, so many coordinates from 0 to 1; its eight bases come again."""
+    return [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(count)]
 
 
 def radical_inverse(k: int, base: int) -> float:

@@ -39,7 +39,7 @@ from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.closed_form import DeadEnd
 from refkin.proof.assembly.loci import Ball, below, length, root
 from refkin.proof.assembly.rows import SPREAD, PointRow, RowKind, wide
-from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined, starts_of
+from refkin.proof.assembly.search import SAME, halton, refined, starts_of
 from refkin.proof.numbers.exact import exact
 from refkin.proof.numbers.recentred import recentred
 from refkin.system import System
@@ -238,7 +238,7 @@ def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -
         q = np.zeros(system.n)
         for body in range(bodies):
             at = 1 + k * bodies + body  # a point of the sequence for each body
-            u = [radical_inverse(at, base) for base in PRIMES[:6]]
+            u = halton(at, 6)
             a, b = math.sqrt(1 - u[0]), math.sqrt(u[0])
             s, c = math.tau * u[1], math.tau * u[2]
             turn = (b * math.cos(c), a * math.sin(s), a * math.cos(s), b * math.sin(c))

@@ -34,7 +34,7 @@ from flint import arb, ctx
 from refkin.differences import Scheme
 from refkin.differences import step as step_of
 from refkin.newton import NewtonResult, RoundOff, contracts, newton
-from refkin.proof.assembly.search import radical_inverse
+from refkin.proof.assembly.search import halton
 from refkin.proof.numbers.bounded import InputError
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.inputs import input_effect
@@ -309,7 +309,7 @@ def common_roots(forms: list[Any]) -> tuple[Any, ...]:
     count = len(forms[0])
     directions: list[Any] = []
     for k in range(1, STARTS + 1):
-        a = np.array([2 * radical_inverse(k, prime) - 1 for prime in (2, 3, 5, 7, 11, 13)[:count]])
+        a = np.array([2 * x - 1 for x in halton(k, count)])
         for _ in range(30):
             residual = np.append([a @ b @ a for b in forms], a @ a - 1)
             slope = np.vstack([*(2 * a @ b for b in forms), 2 * a])
