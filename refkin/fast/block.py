@@ -24,6 +24,7 @@ from refkin.fast.march import (
     SMOOTH,
     March,
     Pose,
+    profile_of,
     weights,
 )  # fmt: skip
 from refkin.fast.residual import residual_of_rows, without_zeros
@@ -71,7 +72,8 @@ class Block:
         self.given = self._laws(group.scene.times[0])
         common = [k for k, laws in self.given.items() if not any(np.ndim(x) for law in laws for x in law)]
         self.space = Workspace(made.marching, self.count, common=common)
-        self.space.give_geometry([p.g for p in self.system.placed], self._profile)
+        profile = profile_of([p.constraint for p in self.system.placed], self.system.unit)
+        self.space.give_geometry([p.g for p in self.system.placed], profile)
         out = made.marching.outputs
         self.core_rows = [self.space.row(rows[c]) for rows in out.levels for c in made.core]
         # Levels of the core at the last time but one, at the last, and at the present one.
@@ -88,9 +90,6 @@ class Block:
     def alive(self) -> Any:
         """Which samples are on their branch."""
         return self.codes == OK
-
-    def _profile(self, constraint: int, order: int, s: Any) -> Any:
-        return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
 
     def _laws(self, t: float) -> dict[int, Any]:
         """Return by constraint the values and derivatives of its laws."""
