@@ -56,11 +56,8 @@ def residual_of_rows(system: System, q: Any, t: Any) -> Any:
 
 def without_zeros(system: System) -> System:
     """Return the system for `residual_of_rows`: a number that is 0, in all mechanisms, takes no time there."""
-    return replace(system, placed=tuple(replace(p, g=_nothing_for_zero(p.g)) for p in system.placed))
-
-
-def _nothing_for_zero(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple(x if np.any(x) else _NOTHING for x in numbers)
+    numbers: Any = (tuple(x if np.any(x) else _NOTHING for x in p.g) for p in system.placed)
+    return replace(system, placed=tuple(replace(p, g=g) for p, g in zip(system.placed, numbers, strict=True)))
 
 
 class _Nothing:
