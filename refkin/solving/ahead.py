@@ -243,8 +243,8 @@ class Ahead:
 
     def _sides(self, phi_q: Any) -> tuple[Any, Any]:
         """Return where all determinants have the signs of the sweep's last pose, and the smallest's logarithm, (B,)."""
-        signs, smallest = self.blocks.of_batch(phi_q)
-        return (signs == self.signs).all(axis=1), smallest
+        signs, logarithms = self.blocks.each_of_batch(phi_q)
+        return (signs == self.signs).all(axis=1), np.min(logarithms, axis=1, initial=0.0)
 
     def _predicted(self, ends: Any) -> tuple[Any, Any]:
         """Return what the poses before each of some predict for it (n, B), and where that is one pose alone, (B,)."""

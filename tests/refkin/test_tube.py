@@ -237,13 +237,13 @@ def test_newton_with_balls_goes_on_to_round_off_also_where_it_sets_out_by_growin
 
 
 @pytest.mark.parametrize("one", [0.25, 8.0])
-def test_of_blocks_the_smallest_determinant_counts_with_or_without_a_batch(one):
+def test_of_blocks_the_smallest_determinant_counts_and_of_a_batch_each(one):
     """If it is below one: the number is compared with a limit far below."""
     both, slope = Blocks(np.array([0, 3]), np.array([0, 1]), np.zeros((2, 1, 1))), np.diag([one, -4.0])
-    signs, logarithms = both.of_batch(slope[:, :, None])
+    signs, logarithms = both.each_of_batch(slope[:, :, None])
 
     assert both.determinants(slope) == ([1.0, -1.0], min(math.log(one), 0.0))
-    assert (signs.tolist(), logarithms.tolist()) == ([[1.0, -1.0]], [min(math.log(one), 0.0)])
+    assert (signs.tolist(), logarithms.tolist()) == ([[1.0, -1.0]], [[math.log(one), math.log(4.0)]])
 
 
 def test_a_plate_that_does_not_turn_is_proved_to_stay_on_its_branch():

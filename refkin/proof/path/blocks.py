@@ -42,13 +42,8 @@ class Blocks:
         signs, logarithms = np.linalg.slogdet(stack)
         return signs.tolist(), float(np.min(logarithms, initial=0.0))
 
-    def of_batch(self, phi_q: Any) -> tuple[Any, Any]:
-        """Return the same of a batch of phi_q (m, n, B): signs (B, K), and logarithms (B,)."""
-        signs, logarithms = self.each_of_batch(phi_q)
-        return signs, np.min(logarithms, axis=1, initial=0.0)
-
     def each_of_batch(self, phi_q: Any) -> tuple[Any, Any]:
-        """Return signs and logarithms (B, K) of the determinants of all blocks."""
+        """Return signs and logarithms (B, K) of the determinants of all blocks of a batch of phi_q (m, n, B)."""
         count = phi_q.shape[-1]
         stack = np.repeat(self.empty[None], count, axis=0)
         stack.reshape(count, -1)[:, self.places] = phi_q.reshape(-1, count)[self.entries].T
