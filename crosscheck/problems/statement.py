@@ -27,7 +27,7 @@ from refkin.motion import Motion, Status
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.search import Assemblies
 from refkin.proof.assembly.spatial import signed
-from refkin.proof.numbers.exact import exact_system
+from refkin.proof.numbers.exact import exact_system, fraction_of
 from refkin.proof.pose.krawczyk import Enclosure, krawczyk, objects
 from refkin.scenes.linkages import Branch
 from refkin.solving.solve import solve
@@ -97,18 +97,13 @@ def digits_of(ball: Any, scale: Fraction = Fraction(1)) -> str | None:
     """
     if not ball.is_finite():
         return None
-    low, high = _exactly(ball.lower()), _exactly(ball.upper())
+    low, high = fraction_of(ball.lower()), fraction_of(ball.upper())
     if low <= 0 <= high:
         return "0" if max(-low, high) < NOTHING * scale else None
     context = Context(prec=DIGITS)
     ends = (context.divide(Decimal(x.numerator), Decimal(x.denominator)) for x in (low, high))
     first, last = (end.normalize(context) for end in ends)
     return str(first) if first == last else None
-
-
-def _exactly(end: Any) -> Fraction:
-    mantissa, exponent = end.man_exp()
-    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
 
 
 MOST_OTHERS = 7

@@ -172,12 +172,17 @@ def _ends(t: Any) -> tuple[Any, Any]:
     if ball.is_exact():
         if ball == (near := float(ball)):
             return near, near
-        mantissa, exponent = ball.man_exp()
-        whole = Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+        whole = fraction_of(ball)
         return whole, whole
     # The nearest floats of the ends, one step further out.
     low, high = float(ball.lower()), float(ball.upper())
     return math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
+
+
+def fraction_of(ball: Any) -> Fraction:
+    """Return the number that an exact ball is."""
+    mantissa, exponent = ball.man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
 
 
 def not_a_knot_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
