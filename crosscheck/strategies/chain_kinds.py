@@ -256,7 +256,8 @@ def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, si
 
 def _six_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """Draw a crank-rocker, and on its rocker two more links, or a link and a slider."""
-    ground, coupler, rocker, first = _draw_crank_rocker(draw, size)
+    ground = size * draw(st.floats(2.0, 5.0), label="ground")
+    coupler, rocker, first = _draw_two_links(draw, ground - size, ground + size)
     tip = rocker * complex(*draw(st.tuples(st.floats(0.5, 1.5), COORDINATES), label="tip of the rocker"))
     reach, other = abs(tip), draw(SIGNS, label="second dyad")
     sliding = draw(st.booleans(), label="slider")
@@ -299,12 +300,6 @@ def _six_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
 
     second = rod - reach - abs(level) if sliding else min(link + last - apart - reach, apart - reach - abs(link - last))
     return ChainPlan("crank", joints, poses, min(first, second), max(coupler, rocker, ground, apart + reach))
-
-
-def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, float]:
-    """Draw ground, coupler and rocker around a crank that turns fully, and the margin that its closure keeps."""
-    ground = size * draw(st.floats(2.0, 5.0), label="ground")
-    return ground, *_draw_two_links(draw, ground - size, ground + size)
 
 
 KINDS: Mapping[str, Callable[[DrawFn, float, int], ChainPlan]] = {
