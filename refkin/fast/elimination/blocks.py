@@ -114,11 +114,7 @@ def _least(determinant: Symbol, matrix: Sequence[Sequence[Symbol]]) -> Symbol:
 def _inverse_norm(graph: Graph, solve: Callable[[Sequence[Symbol]], list[Symbol]], size: int) -> Symbol:
     """Return the largest row sum of the inverse, from its columns."""
     columns = [solve([graph.constant(float(k == j)) for k in range(size)]) for j in range(size)]
-    norm = graph.constant(0.0)
-    for row in zip(*columns, strict=True):
-        total = sum(map(abs, row), graph.constant(0.0))
-        norm = total if norm.zero else graph.node("max", norm, total)
-    return norm
+    return graph.largest(sum(map(abs, row), graph.constant(0.0)) for row in zip(*columns, strict=True))
 
 
 def _substituted(

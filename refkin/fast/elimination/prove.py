@@ -131,7 +131,7 @@ class _Prover:
             radii.append(self._level(order, self._equations(sides, rates), [self._at(rates[c]) for c in range(n)]))
             known |= {self.graph.input("qd", c): rates[c] for c in range(n)}
             right = self.traced.gamma
-        return [_largest(self.graph, self.gammas), *radii]
+        return [self.graph.largest(self.gammas), *radii]
 
     def _equations(self, sides: Sequence[Symbol], rates: dict[int, Symbol]) -> list[Symbol]:
         """Return phi_q rates - right side, row by row."""
@@ -151,7 +151,7 @@ class _Prover:
             centred = Errors(self.graph, {**self._leaves(), **dict.fromkeys(own, zero)})
             residual = [rows[self.parts.open_rows[i]] for i in open_rows]
             carried = [centred.largest(_dot(row, residual)) for row in self.inverses[k]]
-            radius = _largest(self.graph, carried) * WIDER + TINY
+            radius = self.graph.largest(carried) * WIDER + TINY
             self.errors.done.update(dict.fromkeys(own, radius))
             if order == 0:
                 self.gammas.append(self._gamma(k))
@@ -161,7 +161,7 @@ class _Prover:
             if c not in self.parts.core:
                 self.errors.done[given] = self.graph.constant(0.0)
             off.append(self.errors.done[given] if c in self.parts.core else self.errors.largest(value - given))
-        return _largest(self.graph, off)
+        return self.graph.largest(off)
 
     def _gamma(self, k: int) -> Symbol:
         """Return the sum of the bounds of |I - R M| over the box."""
@@ -218,11 +218,3 @@ class _Prover:
 
 def _dot(a: Iterable[Symbol], b: Iterable[Symbol]) -> Any:
     return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _largest(graph: Graph, symbols: Iterable[Symbol]) -> Symbol:
-    largest = graph.constant(0.0)
-    for symbol in symbols:
-        if not symbol.zero:
-            largest = symbol if largest.zero else graph.node("max", largest, symbol)
-    return largest

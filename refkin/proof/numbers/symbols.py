@@ -208,6 +208,14 @@ class Graph:
             return a if a.op == "abs" else self.size(a.args[0])
         return self.node("abs", a)
 
+    def largest(self, symbols: Iterable[Symbol]) -> Symbol:
+        """Return the largest of symbols that are not negative, 0 of none."""
+        largest = self.constant(0.0)
+        for symbol in symbols:
+            if not symbol.zero:
+                largest = symbol if largest.zero else self.node("max", largest, symbol)
+        return largest
+
     def again(self, symbol: Symbol, args: tuple[Symbol, ...]) -> Symbol:
         """Return a symbol's operation on other arguments, folded."""
         fold: Callable[..., Symbol] | None = _FOLDED.get(symbol.op)
