@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
-from refkin.proof.numbers.extrema import Signs, _Spline, extrema, zeros
+from refkin.proof.numbers.extrema import _Spline, extrema, sign_of, zeros
 
 TABLE = Table(argument=(0.0, 1.0, 2.5, 3.0, 4.5), value=(0.0, 0.4, 0.1, 1.0, 0.7))
 TWICE_IN_ONE_PIECE = Table(argument=(0.0, 1.0, 2.0, 3.0, 4.0), value=(-0.9, 0.7, 0.1, 0.1, -0.8))
@@ -61,7 +61,7 @@ def test_a_sinusoid_of_more_waves_than_can_be_counted_has_extrema_without_an_exc
 def test_the_sign_of_a_polynomial_is_exact_where_rounding_decides_on_its_value():
     cubed = Polynomial(coefficients=(-1.0, 3.0, -3.0, 1.0))  # (t - 1)^3
 
-    assert [Signs(cubed)(1.0 + k * 2.0**-52) for k in (-2, -1, 0, 1, 2)] == [-1.0, -1.0, 0.0, 1.0, 1.0]
+    assert [sign_of(cubed, 1.0 + k * 2.0**-52) for k in (-2, -1, 0, 1, 2)] == [-1.0, -1.0, 0.0, 1.0, 1.0]
     assert cubed(1.0 + 2.0**-40) == 0.0
 
 

@@ -12,7 +12,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -124,23 +124,17 @@ def derivative(law: Polynomial) -> Polynomial:
     return Polynomial(coefficients=tuple(k * (part * c) for k, c in enumerate(law.coefficients) if k))
 
 
-class Signs:
-    """The sign of a polynomial, exact: where rounding could decide on it, it is computed with rational numbers."""
-
-    def __init__(self, law: Polynomial) -> None:
-        self.coefficients = law.coefficients[::-1]
-
-    def __call__(self, t: float) -> float:
-        """Return 1.0, 0.0 or -1.0."""
-        value, size, t = 0.0, 0.0, float(t)
-        for c in self.coefficients:
-            value, size = value * t + c, size * abs(t) + abs(c)
-        if abs(value) > len(self.coefficients) * 2.0**-51 * size and size < math.inf:
-            return math.copysign(1.0, value)
-        exact: Any = Fraction(0)
-        for c in self.coefficients:
-            exact = exact * Fraction(t) + Fraction(c)
-        return float((exact > 0) - (exact < 0))
+def sign_of(law: Polynomial, t: float) -> float:
+    """Return 1.0, 0.0 or -1.0, exactly: where rounding could decide on the sign, it is that of rational numbers."""
+    value, size, t = 0.0, 0.0, float(t)
+    for c in reversed(law.coefficients):
+        value, size = value * t + c, size * abs(t) + abs(c)
+    if abs(value) > len(law.coefficients) * 2.0**-51 * size and size < math.inf:
+        return math.copysign(1.0, value)
+    exact: Any = Fraction(0)
+    for c in reversed(law.coefficients):
+        exact = exact * Fraction(t) + Fraction(c)
+    return float((exact > 0) - (exact < 0))
 
 
 def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
@@ -161,7 +155,7 @@ def _of_polynomial(law: Polynomial, a: float, b: float) -> list[float]:
     while len(derivatives[-1].coefficients) > 2:
         derivatives.append(derivative(derivatives[-1]))
     for each in reversed(derivatives):
-        found = sign_changes(Signs(each), [a, *found, b])
+        found = sign_changes(partial(sign_of, each), [a, *found, b])
     return found
 
 
