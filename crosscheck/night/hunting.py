@@ -156,7 +156,6 @@ def hunt(
     seed_of_hunt: int,
     *,
     scene_seconds: float,
-    strata: Sequence[tuple[float, float]] = STRATA,
     starts: Sequence[Start] = (),
     bag: Bag | None = None,
     progress: Callable[[Bag], None] = lambda bag: None,
@@ -173,8 +172,6 @@ def hunt(
         The same one hunts in the same places, as far as its time goes.
     scene_seconds : float
         How long a scene may take.
-    strata : sequence of (low, high)
-        Decades of the distance or slack in which scenes are drawn, as `STRATA` has them.
     starts : sequence of (seed, number)
         Scenes of nights to begin with: each is checked at the times that its night had, so that nothing less than what
         the night had is called the worst.
@@ -190,7 +187,7 @@ def hunt(
         for start in starts:
             hunter.look_at_start(*start)
         with suppress(OutOfTime):
-            for origin, turn in _turns(hunter.near, seed_of_hunt, strata, starts):
+            for origin, turn in _turns(hunter.near, seed_of_hunt, starts):
                 hunter.try_turn(origin, turn)
                 if time.monotonic() > end:
                     break
@@ -249,17 +246,14 @@ class _Hunter:
 
 
 def _turns(
-    near: Callable[[str], Callable[[AnyDrawn], None]],
-    seed_of_hunt: int,
-    strata: Sequence[tuple[float, float]],
-    starts: Sequence[Start],
+    near: Callable[[str], Callable[[AnyDrawn], None]], seed_of_hunt: int, starts: Sequence[Start]
 ) -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield where is hunted, and how: near scenes of nights, then strata without end."""
     for night, number in starts:
         origin = f"near scene {number} of night {night}"
         yield origin, partial(climb, night, number, near(origin), A_TURN, SAMPLES)
     for turn in count():
-        stratum = strata[turn % len(strata)]
+        stratum = STRATA[turn % len(STRATA)]
         origin = f"1e-{stratum[0]:g} .. 1e-{stratum[1]:g}"
         yield origin, partial(turn_of, near(origin), stratum, seed_of_hunt * 1000 + turn)
 

@@ -108,8 +108,9 @@ def test_of_a_kind_the_nearest_and_the_farthest_are_asked_before_what_lies_betwe
     assert spread(count) == order
 
 
-def test_a_hunt_finds_a_planted_error_and_in_which_scene():
-    bag = hunt({"wrong": f"{ENGINES}:Wrong"}, 6.0, 1, scene_seconds=20.0, strata=((1.0, 3.0),))
+def test_a_hunt_finds_a_planted_error_and_in_which_scene(monkeypatch):
+    monkeypatch.setattr("crosscheck.night.hunting.STRATA", ((1.0, 3.0),))
+    bag = hunt({"wrong": f"{ENGINES}:Wrong"}, 6.0, 1, scene_seconds=20.0)
 
     assert bag.scenes > 3
     assert bag.failures == []
