@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene, expect
-from refkin.joints import GROUND, JOINT_TYPES, SPACE, SPATIAL_JOINT_TYPES, passive_spins, with_unit_length
+from refkin.joints import GROUND, JOINT_TYPES, KINDS, SPACE, SPATIAL_JOINT_TYPES, passive_spins, with_unit_length
 from refkin.joints.annotations import check, is_real
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
@@ -24,7 +24,6 @@ from refkin.motion import SINGULAR
 from refkin.proof.singularity.second_order import balance, elsewhere, without_rounding
 from refkin.system import System, compile_system
 
-COORDINATES = {"planar": 3, "spatial": 6}
 _PLANAR: Any = [joint for joint in JOINT_TYPES if isinstance(joint.rows, int)]
 _SPATIAL: Any = SPATIAL_JOINT_TYPES
 
@@ -115,7 +114,7 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
     """
     if dimension not in FREEDOMS:
         raise InvalidScene([Fault("dimension", dimension, " or ".join(FREEDOMS))], "mobility")
-    free, d = FREEDOMS[dimension], COORDINATES[dimension]
+    free, d = FREEDOMS[dimension], KINDS[dimension].freedoms
     if faults := list(_faults(joints, free)):
         raise InvalidScene(faults, "mobility")
     bodies = dict.fromkeys([GROUND, *(body for _, *pair in joints for body in pair)])
