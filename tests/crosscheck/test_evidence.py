@@ -42,7 +42,7 @@ def test_certified_radii_hold_the_truth():
             assert truth is not None, f"{scene.name}: no enclosure at {t}"
             if truth is None:
                 continue
-            levels = (truth.q, truth.velocity(), truth.acceleration())
+            levels = (truth.q, qd := truth.velocity(), truth.acceleration(qd))
             radii = (radius.position[k], radius.velocity[k], radius.acceleration[k])
             for answer, balls, allowed in zip(own, levels, radii, strict=True):
                 off = float(np.max(truth.distance(answer[:, k], balls)))

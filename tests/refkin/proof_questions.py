@@ -78,7 +78,8 @@ def in_balls(scene: Scene) -> Any:
         if root is None:
             said.append(None)
             continue
-        wide = [max(float(x.rad()) for x in ball) for ball in (root.q, root.velocity(), root.acceleration())]
+        velocity = root.velocity()
+        wide = [max(float(x.rad()) for x in ball) for ball in (root.q, velocity, root.acceleration(velocity))]
         away = list(root.distances(*(moved(x) for x in (q, *rates_of(root.system, q, t)))))
         nearly = root.root(moved(q, by))
         said.append([summed(root.nearest()), summed(root.radii), bounds(wide), away, summed(nearly.shift)])

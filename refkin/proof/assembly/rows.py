@@ -74,8 +74,8 @@ class AngleConstraint:
 class PointRow:
     """What joins point `p` of body i and point `q` of body j, both in their body's frame.
 
-    `number` is the unit normal of the line (in the frame of i) or the distance. `key_i`, `key_j` are the points as the
-    scene gives them: the same key is the same point.
+    `normal` is that of a line, of length 1 and in the frame of i. `key_i`, `key_j` are the points as the scene gives
+    them: the same key is the same point.
     """
 
     kind: RowKind

@@ -105,10 +105,9 @@ class Enclosure:
         """Return balls that enclose the solution of phi_q qd = nu at the root; NaN where phi_q may be singular."""
         return self._solved(lambda equations: equations.nu(self.q))
 
-    def acceleration(self, qd: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
-        """Return balls that enclose the solution of phi_q qdd = gamma at the root."""
-        rates = self.velocity() if qd is None else qd
-        return self._solved(lambda equations: equations.gamma(self.q, rates))
+    def acceleration(self, qd: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return balls that enclose the solution of phi_q qdd = gamma at the root, from those of its velocity."""
+        return self._solved(lambda equations: equations.gamma(self.q, qd))
 
     def _solved(self, right: Callable[[BallEquations], Any]) -> tuple[Any, ...]:
         with ctx.workprec(self.bits):
