@@ -25,12 +25,11 @@ from refkin.joints import (
     SpatialPrismatic,
     SpatialRevolute,
     Spherical,
+    Triple,
     Universal,
 )
-
-Triple = tuple[float, float, float]
-ORIGIN: Triple = (0.0, 0.0, 0.0)
-X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+from refkin.scenes.linkages.spatial_base import AT as ORIGIN
+from refkin.scenes.linkages.spatial_base import X, Y, Z
 
 
 def _hinge(name: str, at: Triple, axis: Triple, body: str) -> SpatialRevolute:

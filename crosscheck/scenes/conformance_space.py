@@ -32,10 +32,10 @@ from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
+from refkin.scenes.linkages.spatial_base import AT, X, Y, Z
 
 Times = tuple[float, ...]
 DriveLaw = Polynomial | Sinusoid
-AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ROCKER: Any = {"pivot": (2.5, -0.5, 0.75), "axis": (0.25, 1.0, 0.125)}
 LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, massless=True, **ROCKER)
 FRAME: Any = {"axis_j": Z, "zero_j": X}
