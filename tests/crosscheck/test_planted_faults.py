@@ -102,7 +102,8 @@ FAULTS = {
         FOUR_BAR, "exudyn", "position",
     ),
     "exudyn: a driver that is never set again": Fault(
-        "crosscheck.engines.exudyn.parts:Clock.set", "law(t, i)", "law(0.0, i)", FOUR_BAR, "exudyn", "position"
+        "crosscheck.engines.exudyn.parts:Clock.set", "self._table[t]", "self._table[0.0]",
+        FOUR_BAR, "exudyn", "position",
     ),
     "exudyn: a start on the other assembly": Fault(
         "crosscheck.engines.exudyn.solve:start_of", "as_driven(scene).bodies], float)",

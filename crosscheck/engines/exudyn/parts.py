@@ -64,6 +64,8 @@ class Clock:
         self.laws: list[Tabulated] = []
         self.values: list[Sequence[float]] = []
         self._known: tuple[float, int] = (math.nan, 0)
+        self._table: dict[float, Sequence[Sequence[float]]] = {}
+        self._tabulated = 0
 
     def add(self, law: Law, shift: float, size: float) -> int:
         """Take in a law, as (f - shift) / size, and return its number."""
@@ -74,7 +76,8 @@ class Clock:
     def tabulate(self, times: Sequence[float], order: int) -> None:
         """Evaluate the laws at all times that will be asked for, with derivatives up to `order`."""
         self.laws = [Tabulated(known.law, times) for known in self.laws]
-        self.over(np.array(times), order)
+        values = self.over(np.array(times), order).transpose(2, 0, 1).tolist()
+        self._table, self._tabulated = dict(zip(times, values, strict=True)), order
 
     def over(self, times: Array, order: int) -> Array:
         """Return the laws with their derivatives up to `order` at times (B,): (laws, 3, B), NaN beyond it."""
@@ -92,9 +95,12 @@ class Clock:
     def set(self, t: float, order: int) -> None:
         """Evaluate the laws and their derivatives up to `order`, unless that is what they say already.
 
-        Higher derivatives become NaN.
+        Derivatives beyond that, and beyond those of a table, are NaN.
         """
         if t == self._known[0] and order <= self._known[1]:
+            return
+        if order <= self._tabulated and t in self._table:
+            self._known, self.values[:] = (t, self._tabulated), self._table[t]
             return
         self._known, beyond = (t, order), (math.nan,) * (2 - order)
         self.values[:] = [(*(law(t, i) for i in range(order + 1)), *beyond) for law in self.laws]
