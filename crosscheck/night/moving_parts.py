@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from refkin.joints import GROUND, GuidedPoint, PointDistance, SpatialPointDistance, elements_of
-from refkin.model import Mechanism, Scene
+from refkin.joints import GROUND, PointDistance, SpatialPointDistance, elements_of
+from refkin.model import Scene
 from refkin.motion import Motion, point_motion
-from refkin.output.spatial import VIEW
+from refkin.output.drawing import points_of, shapes_of
+from refkin.output.spatial import VIEW, Shape
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_FRAMES = 24
@@ -22,6 +24,8 @@ VISIBLE = 0.12
 """How far a magnified error is to move something, as a part of the picture's width."""
 BEND = 0.35
 """How far it turns a part at most [rad]: beyond it, a magnified error is no picture of a small one."""
+OUTMOST = ("ground", "pin", "wheel")
+"""Roles of shapes that the picture holds; outlines go through points, and lines to slide along beyond it."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class SceneDrawing:
         self.names = {body.name: k for k, body in enumerate(scene.mechanism.bodies)}
         self.shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
         self.width = scene.mechanism.kind.width
-        self.points = _points(scene.mechanism)
+        self.points = points_of(scene)
         self.pins = [(body, point) for body, points in self.points.items() for point in points]
         self.elements = list(elements_of(scene.mechanism.joints))
         self.links = [e for e in self.elements if isinstance(e, PointDistance) and not e.laws]
@@ -63,10 +67,20 @@ class SceneDrawing:
         if self.shown.size:
             self.view = self._view()
 
+    @cached_property
+    def shapes(self) -> dict[str, tuple[Shape, ...]]:
+        """What there is to see of the ground and of each body, in its own frame."""
+        return shapes_of(self.scene)
+
+    def _within(self, q: Any) -> Any:
+        """Return the outmost places of points and wheels at poses (n, T), (2, K)."""
+        parts = [(body, s) for body, of_body in self.shapes.items() for s in of_body if s.role in OUTMOST]
+        places = [(self._seen(q, body, point), shape.radius) for body, shape in parts for point in shape.points.T]
+        return np.concatenate([at + way * radius for at, radius in places for way in (-1, 1)], axis=1)
+
     def _view(self) -> View:
-        """Return the view that holds every joint point at every time."""
-        q = self.motion.q[:, self.shown]
-        x, y = np.concatenate([self._seen(q, *pin)[:2] for pin in self.pins], axis=1)
+        """Return the view that holds every part at every time."""
+        x, y = self._within(self.motion.q[:, self.shown])
         wide, high = np.ptp(x), np.ptp(y)
         room = min((WIDTH - 2 * MARGIN) / max(wide, 1e-300), (HEIGHT - 2 * MARGIN) / max(high, 1e-300))
         return View((x.max() + x.min()) / 2, (y.max() + y.min()) / 2, float(min(room, 1e300)))
@@ -86,35 +100,36 @@ class SceneDrawing:
     def described(self, name: str, key: str) -> dict[str, Any]:
         """Return parts and frames."""
         frames = [self._frame(self.motion.q[:, k]) for k in self.frames]
-        ground = [short(*self._pixels(self.motion.q[:, 0], GROUND, point)) for point in self.points.get(GROUND, ())]
-        picture = {"name": name, "key": key, "ground": ground, "guide": self._guide(None)}
+        ground = [short(*self._pixels(self.motion.q[:, 0], GROUND, point)) for point in self.points[GROUND]]
+        picture = {"name": name, "key": key, "ground": ground, "guide": self._guide(GROUND)}
         return {**picture, "parts": self._parts(), "frames": frames}
 
-    def _guide(self, body: str | None) -> str:
-        """Return the lines along which something slides on a body (None: the ground), two sizes to each side."""
-        lines = []
-        for e in self.elements:
-            if not isinstance(e, GuidedPoint) or e.body_i != (body or GROUND):
-                continue
-            length, (ax, ay) = math.hypot(*e.axis_i), e.axis_i
-            along, aside = 2.0 * self.scene.mechanism.size() / length, e.offset / length
-            px, py = e.point_i[0] - aside * ay, e.point_i[1] + aside * ax
-            ends = [(px + way * ax, py + way * ay) for way in (-along, along)]
-            s = self.view.scale
-            placed = [(x * s, -y * s) if body else self.view.pixels(x, y) for x, y in ends]
-            lines.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in placed))
-        return "".join(lines)
+    def _guide(self, body: str) -> str:
+        """Return what a body or the ground has beside its outline: lines to slide along, wheels and profiles."""
+        beside = [shape for shape in self.shapes[body] if shape.role in ("guide", "wheel")]
+        return "".join(self._path(shape, placed=body == GROUND) for shape in beside)
+
+    def _path(self, shape: Shape, *, placed: bool = False) -> str:
+        """Return a shape of a part in its own frame, or of the ground where it is placed: a line, outline or circle."""
+        s, (x, y) = self.view.scale, shape.points
+        across, down = self.view.pixels(x, y) if placed else (x * s, -y * s)
+        r = shape.radius * s
+        if r:
+            halves = "".join(f"a{r:.1f} {r:.1f} 0 0 0 {way * r:.1f} 0" for way in (2.0, -2.0))
+            return f"M{across[0] - r:.1f} {down[0]:.1f}{halves}"
+        line = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
+        return line + ("" if shape.role == "guide" or len(x) == 2 else "z")
 
     def _parts(self) -> list[dict[str, Any]]:
-        """Return a path per body, through its joint points, and one per massless link."""
-        s = self.view.scale
+        """Return a path per body, through its points, and one per massless link."""
         parts = []
-        for body in self.scene.mechanism.bodies:
-            pins = [(x * s, -y * s) for x, y in self.points.get(body.name, ())]
-            parts.append({"path": _path(pins), "pins": [short(*pin) for pin in pins], "guide": self._guide(body.name)})
+        for body in self.names:
+            outline, *_ = self.shapes[body]
+            pins = [short(x * self.view.scale, -y * self.view.scale) for x, y in self.points[body]]
+            parts.append({"path": self._path(outline), "pins": pins, "guide": self._guide(body)})
         for link in self.links:
-            pins = [(0.0, 0.0), (link.length * s, 0.0)]
-            parts.append({"path": _path(pins), "pins": [short(*pin) for pin in pins], "guide": ""})
+            length = link.length * self.view.scale
+            parts.append({"path": f"M0 0L{length:.1f} 0", "pins": [[0.0, 0.0], short(length, 0.0)], "guide": ""})
         return parts
 
     def _frame(self, q: Any) -> list[list[float]]:
@@ -198,17 +213,6 @@ class SceneDrawing:
         return factor, arrows
 
 
-def _points(mechanism: Mechanism) -> dict[str, list[tuple[float, float]]]:
-    """Return the joint points per body, each once, in the body's own frame."""
-    points: dict[str, list[tuple[float, float]]] = {}
-    for constraint in mechanism.joints:
-        for body, point in constraint.points():
-            of_body = points.setdefault(body, [])
-            if point not in of_body:
-                of_body.append(point)
-    return points
-
-
 def factor_below(*largest: float) -> float:
     """Return the largest 1, 2 or 5 times a power of ten below all, at least 1: errors are never made smaller."""
     limit = min(largest)
@@ -216,14 +220,6 @@ def factor_below(*largest: float) -> float:
         return 1.0
     power = 10.0 ** math.floor(math.log10(limit))  # may be rounded up to just above the limit
     return max([1.0, *(step * power for step in (0.5, 1, 2, 5) if step * power <= limit)])
-
-
-def _path(pins: list[tuple[float, float]]) -> str:
-    """Return the outline of a part: a bar through two points, a plate through more, a little box at one."""
-    if len(pins) < 2:
-        x, y = pins[0] if pins else (0.0, 0.0)
-        return f"M{x - 7:.1f} {y - 5:.1f}h14v10h-14z"
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in pins) + ("z" if len(pins) > 2 else "")
 
 
 def short(*numbers: float) -> list[float]:
@@ -244,6 +240,12 @@ class SpaceDrawing(SceneDrawing):
     degrees and stretch, and then how far in front of the picture's middle it lies, a bar with both ends: the page's
     script turns it by these, about the middle.
     """
+
+    def _guide(self, body: str) -> str:
+        return ""
+
+    def _within(self, q: Any) -> Any:
+        return np.concatenate([self._seen(q, *pin)[:2] for pin in self.pins], axis=1)
 
     def _view(self) -> View:
         q = self.motion.q[:, self.shown]
@@ -274,7 +276,7 @@ class SpaceDrawing(SceneDrawing):
 
     def _bars(self) -> Iterator[Ends]:
         for body in self.names:
-            points = self.points.get(body, [])
+            points = self.points[body]
             closed = [*points, points[0]] if len(points) > 2 else points
             for one, other in pairwise(closed):
                 yield (body, one), (body, other)

@@ -122,27 +122,12 @@ class Drawing:
         still = np.repeat(np.array(self._kind.still)[:, None], len(shown), axis=1)
         self._poses = {GROUND: still} | {name: motion[name].q[:, shown] for name in self._names}
         self._size = scene.mechanism.size()
-        driven = (e for e in elements_of(scene.mechanism.constraints) if e.laws and isinstance(e, LINKS))
-        elements = [*elements_of(scene.mechanism.joints), *driven]
-        self._points = _points_of(scene, elements)
+        self._points = points_of(scene)
         self.parts: list[Part | DrawnLink] = []
-        self.parts += [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
-        self.parts += [self._link(e) for e in elements if isinstance(e, LINKS)]
+        self.parts += [Part(name, shapes, self._poses[name]) for name, shapes in shapes_of(scene).items()]
+        self.parts += [self._link(e) for e in _seen_elements(scene) if isinstance(e, LINKS)]
         self.curves = [Shape("curve", seen(self._path(point.body, point.position))) for point in scene.points]
         self.box = self._box()
-
-    def _shapes(self, name: str, elements: list[Element]) -> Iterator[Shape]:
-        points = np.array(self._points[name], float).reshape(-1, self._kind.dimension).T
-        if name != GROUND:
-            yield _outline(points, self._size)
-        elif self._kind is SPACE:
-            yield from triad(self._size)
-        if self._kind is SPACE:
-            yield from features_of_joints(elements, name, self._size)
-        for element in elements:
-            yield from _features(element, name, self._size, points)
-        for point in points.T:
-            yield Shape("ground" if name == GROUND else "pin", point[:, None])
 
     def _path(self, body: str, point: Any) -> Any:
         """Return the path (2, T) or (3, T) of a point of a body [m]."""
@@ -215,14 +200,40 @@ def seen(points: Any) -> Any:
     return VIEW @ points if len(points) == len(VIEW[0]) else points
 
 
-def _points_of(scene: Scene, elements: list[Element]) -> dict[str, list[Any]]:
-    """Return for each body the points where it is held or wanted, each once, in its own frame."""
+def _seen_elements(scene: Scene) -> list[Element]:
+    """Return what joints say, and which distances are driven: they look like links."""
+    driven = (e for e in elements_of(scene.mechanism.constraints) if e.laws and isinstance(e, LINKS))
+    return [*elements_of(scene.mechanism.joints), *driven]
+
+
+def points_of(scene: Scene) -> dict[str, list[Any]]:
+    """Return for the ground and each body the points where it is held or wanted, each once, in its own frame."""
     points: dict[str, list[Any]] = {GROUND: []} | {body.name: [] for body in scene.mechanism.bodies}
-    ends = [end for element in elements for end in element.ends]
+    ends = [end for element in _seen_elements(scene) for end in element.ends]
     for body, point in (*ends, *((p.body, p.position) for p in scene.points)):
         if point not in points[body]:
             points[body].append(point)
     return points
+
+
+def shapes_of(scene: Scene) -> dict[str, tuple[Shape, ...]]:
+    """Return what there is to see of the ground and of each body, in its own frame."""
+    elements, kind, size = _seen_elements(scene), scene.mechanism.kind, scene.mechanism.size()
+
+    def shapes(name: str, held: list[Any]) -> Iterator[Shape]:
+        points = np.array(held, float).reshape(-1, kind.dimension).T
+        if name != GROUND:
+            yield _outline(points, size)
+        elif kind is SPACE:
+            yield from triad(size)
+        if kind is SPACE:
+            yield from features_of_joints(elements, name, size)
+        for element in elements:
+            yield from _features(element, name, size, points)
+        for point in points.T:
+            yield Shape("ground" if name == GROUND else "pin", point[:, None])
+
+    return {name: tuple(shapes(name, held)) for name, held in points_of(scene).items()}
 
 
 def _outline(points: Any, size: float) -> Shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -14,7 +15,17 @@ import pytest
 import refkin
 from crosscheck.night.moving_parts import BEND, HEIGHT, MARGIN, VISIBLE, WIDTH, DrawnSample
 from crosscheck.night.sections import drawing_of
-from refkin.joints import GROUND, DisplacementDriver, Distance, GuidedPoint, SpatialPrismatic
+from refkin.joints import (
+    GROUND,
+    AngleDriver,
+    DisplacementDriver,
+    Distance,
+    Gear,
+    GuidedPoint,
+    Revolute,
+    SpatialPrismatic,
+)
+from refkin.model import Body, Mechanism
 from refkin.scenes.linkages import RSSR
 
 AZIMUTH, ELEVATION = math.radians(-60.0), math.radians(25.0)
@@ -118,7 +129,7 @@ def test_every_joint_point_is_drawn_where_the_motion_has_it(linkage: Any) -> Non
         for body, part, place in zip(motion.bodies, picture["parts"], frame, strict=True):
             wanted = [pixels(where(motion, body, point, k)) for point in points[body]]
             assert turned(place, part["pins"]) == pytest.approx(np.array(wanted), abs=TENTHS)
-            assert (part["path"].count("L"), "z" in part["path"]) == ((1, False) if len(wanted) == 2 else (0, True))
+            assert (part["path"].count("L"), "z" in part["path"]) == ((1, False) if len(wanted) == 2 else (3, True))
     assert np.array(picture["ground"]) == pytest.approx(
         np.array([pixels(np.array(point)) for point in points[GROUND]]), abs=TENTHS
     )
@@ -142,7 +153,7 @@ def test_a_link_without_a_body_is_drawn_from_end_to_end() -> None:
         assert turned(frame[2], drawn["parts"][2]["pins"]) == pytest.approx(np.array(wanted), abs=TENTHS)
 
 
-def test_a_line_to_slide_along_goes_two_sizes_to_each_side_of_its_point() -> None:
+def test_a_line_to_slide_along_goes_one_and_a_half_sizes_to_each_side_of_its_point() -> None:
     """Along whatever vector, of whatever length, the joint has it."""
     scene, motion = solved(SLIDER)
     joints = [replace(j, axis_i=tuple(2.0 * x for x in j.axis_i)) if guiding(j) else j for j in scene.mechanism.joints]
@@ -152,9 +163,35 @@ def test_a_line_to_slide_along_goes_two_sizes_to_each_side_of_its_point() -> Non
     along = np.array(guide.axis_i) / math.hypot(*guide.axis_i)
     foot = np.array(guide.point_i) + guide.offset * np.array([-along[1], along[0]])
     drawn = drawing_of(scene, motion).described("a", "b")["guide"].strip("M").split("L")
-    ends = [pixels(foot + way * 2.0 * scene.mechanism.size() * along) for way in (-1, 1)]
+    ends = [pixels(foot + way * 1.5 * scene.mechanism.size() * along) for way in (-1, 1)]
 
     assert [[float(x) for x in end.split()] for end in drawn] == pytest.approx(np.array(ends), abs=TENTHS)
+
+
+def test_wheels_are_circles_of_their_radius_and_lie_within_the_picture() -> None:
+    """One that rolls on another, which stands still."""
+    bodies = Body(name="carrier", estimate=(1.0, 2.0, 0.0)), Body(name="planet", estimate=(4.0, 2.0, 0.0))
+    joints = (
+        Revolute(name="O", body_i=GROUND, point_i=(1.0, 2.0), body_j="carrier", point_j=(0.0, 0.0)),
+        Revolute(name="C", body_i="carrier", point_i=(3.0, 0.0), body_j="planet", point_j=(0.0, 0.0)),
+        Gear(name="mesh", body_i=GROUND, body_j="planet", carrier="carrier", radius_i=2.0, radius_j=1.0),
+    )
+    turn = AngleDriver(name="d", body="carrier", law=refkin.Polynomial(coefficients=(0.0, 1.0)))
+    scene = refkin.Scene(
+        name="planet", mechanism=Mechanism(bodies, joints, (turn,)), times=tuple(np.linspace(0.0, 6.0, 49))
+    )
+    picture = drawing_of(scene, refkin.solve(scene))
+    drawn = picture.described("a", "b")
+    circle = r"M(\S+) (\S+)a(\S+) \3 0 0 0 (\S+) 0a\3 \3 0 0 0 -\4 0"
+    (left, y, r, across), (start, level, small, _) = (
+        map(float, re.fullmatch(circle, path).groups())  # type: ignore[union-attr]
+        for path in (drawn["guide"], drawn["parts"][1]["guide"])
+    )
+
+    assert (left + r, y) == pytest.approx(picture.view.pixels(1.0, 2.0), abs=TENTHS)
+    assert (start + small, level) == (0.0, 0.0)
+    assert (r, across, small) == pytest.approx(np.array([2.0, 4.0, 1.0]) * picture.view.scale, abs=TENTHS)
+    assert picture.view.scale == pytest.approx((HEIGHT - 2 * MARGIN) / 8.0, rel=0.01)  # the planet goes round outside
 
 
 @pytest.mark.parametrize("level", [1, 2])
