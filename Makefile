@@ -7,11 +7,14 @@ MINUTES ?= 3
 SEED ?=
 OUT ?= reports/latest
 ENGINES := exudyn,pinocchio,mujoco
+# A worker for each processor: threads of linear algebra would only wait for each other, and take twice as long.
+ONE_THREAD := OPENBLAS_NUM_THREADS=1
+PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n auto
 
 .PHONY: test docs mutants mutation nightly lint types clean
 
 test: $(READY) lint types
-	$(BIN)/python -m pytest -n auto tests
+	$(PYTEST) tests
 
 # The book, in docs/_build/html/index.html; a warning is a failure.
 docs: $(READY)
@@ -20,12 +23,12 @@ docs: $(READY)
 
 # Each wrong formula of the documents, and more of their kinds, put in: a test has to see it. Part of `make test`.
 mutants: $(READY)
-	$(BIN)/python -m pytest -n auto tests/mutation/test_mutants.py
+	$(PYTEST) tests/mutation/test_mutants.py
 
 # A seeded sample of random mutants over refkin and the judging code, in at most 20 minutes on two cores. Which tests
 # reach what is noted first, in .mutation.json.gz, and again only for test files that changed.
 mutation: $(READY)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation.sample $(if $(SEED),--seed $(SEED))
+	$(ONE_THREAD) $(BIN)/python -m tests.mutation.sample $(if $(SEED),--seed $(SEED))
 
 lint: $(READY)
 	$(BIN)/ruff check .
