@@ -29,6 +29,7 @@ from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTH
 from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
+from crosscheck.night.baseline import DEFAULT, NoBaseline, read_baseline, scenes_of, write_baseline
 from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
 from crosscheck.night.history import HistoryError, nights, refuse_other, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, taken, write_outcome
@@ -107,8 +108,9 @@ def nightly(
     baseline
         The accepted digits of the golden set; that of this checkout by default, if there is one.
     """
-    if baseline is not None:
-        golden.read(baseline)
+    accepted = baseline or (DEFAULT if DEFAULT.is_file() else None)
+    if accepted is not None:
+        read_baseline(accepted)
     if history is not None:
         refuse_other(history)
     gaps.table(known_gaps)  # a table that makes no sense is told before there is a folder
@@ -119,7 +121,6 @@ def nightly(
     if sections_seconds is not None and not 0.0 <= sections_seconds < math.inf:
         raise UsageError(f"--sections-seconds: expected a number from 0 on, got {sections_seconds}")
     _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)
-    accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     required = names(require_engines, always=())
     asked = tuple(dict.fromkeys((*names(engines), *required)))
     with taken(out):
@@ -249,7 +250,7 @@ def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
     engines: str = ",".join((ALWAYS, *SAMPLED, *PEERS)),
-    file: Annotated[Path, Parameter(show_default=False)] = golden.DEFAULT,
+    file: Annotated[Path, Parameter(show_default=False)] = DEFAULT,
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
 
@@ -270,13 +271,13 @@ def baseline(
         print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
         return ENGINE_MISSING
     try:
-        before = golden.read(file)["cases"]
-    except golden.NoBaseline:
+        before = read_baseline(file)["cases"]
+    except NoBaseline:
         if not accept:
             raise
         before = {}
     with checkers(1, {name: spec for name, (spec, _) in installed.items()}) as workers:
-        scenes = golden.golden_scenes() if accept else golden.scenes_of(before)
+        scenes = golden.golden_scenes() if accept else scenes_of(before)
         now = golden.measure(scenes, workers, list(installed))
     worse = golden.differences({k: v for k, v in before.items() if k in now}, now, installed)
     for case in worse:
@@ -288,7 +289,7 @@ def baseline(
     if accept:
         for name in sorted(known - answering):
             print(f"no longer in the baseline: {name}")
-        golden.write(file, now, {name: version for name, (_, version) in installed.items()})
+        write_baseline(file, now, {name: version for name, (_, version) in installed.items()})
         print(f"accepted: {len(now)} cases in {file}")
         return PASS
     if new:

@@ -13,7 +13,6 @@ night cannot tell a loss of accuracy from bad luck; these can, case by case:
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -21,13 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.errors import UsageError
 from crosscheck.judge.records import QUANTITIES, By, Cause, Disagreement, NewCase, Record, adapter
 from crosscheck.judge.rounding import SAFETY
+from crosscheck.night.baseline import read_baseline, scenes_of
 from crosscheck.night.disagreements import FOLDER, slug
 from crosscheck.night.plan import GOLDEN, Golden, replace_file
 from crosscheck.workers.pool import Pool
-from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import Motion
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -35,20 +33,13 @@ from refkin.scenes.files import parse, to_dict, to_toml
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.solving.solve import solve
 
-SCHEMA = 3
 LOST = 0.5
 """Digits that an engine may lose in a case."""
 LUCK = 1 / SAFETY
 """The part of what is allowed that one evaluation of the formulas may leave: the budget covers SAFETY of them."""
-_INSTALLED = Path(__file__).with_name("baseline.json")
-DEFAULT = _INSTALLED if _INSTALLED.is_file() else Path(__file__).parents[2] / "reports" / "baseline.json"
-"""The accepted baseline: in an installed package beside this module, in a checkout among the reports."""
 
 Case = Mapping[str, Any]
-
-
-class NoBaseline(UsageError):
-    """There is no baseline where one was asked for, or it cannot be read."""
+"""Of the baseline, or as `measure` returns it, as plain data."""
 
 
 def golden_scenes() -> dict[str, Scene]:
@@ -124,7 +115,7 @@ def _measured(record: Record) -> dict[str, Any]:
             "ratio": {name: q.ratio for name, q in answer.quantities.items()},
             **{name: _digits(q.digits_by_sigma) for name, q in answer.quantities.items()},
         }
-    return {"rounding": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "methods": methods}
+    return {"rounding": {name: _digits(left.get(name, {})) for name in QUANTITIES}, "methods": methods}
 
 
 def _digits(by_sigma: By) -> list[float] | None:
@@ -191,50 +182,13 @@ def _digits_lost(
         # The digits of a case hold an engine to rounding, whatever terms of its own it has. Its ratio is taken sample
         # by sample, and also tells where the digits of the sample that is hardest would hide the others.
         beyond = (now["ratio"].get(quantity) or 0.0) > LUCK
-        places = zip(old, new or (), rounding.get(quantity) or new or (), strict=False)
-        if new is None or any(a - b > LOST and (beyond or b < least) for a, b, least in places):
+        if new is None or any(
+            a - b > LOST and (beyond or b < least)
+            for a, b, least in zip(old, new, rounding[quantity] or new, strict=True)
+        ):
             digits_now = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
             became = f"digits {old[0]:.1f} / {old[1]:.1f} became {digits_now}"
             yield Disagreement(**who, quantity=quantity, message=became)
-
-
-def read(path: Path) -> dict[str, Any]:
-    """Return the baseline in a file; NoBaseline if there is none, or it cannot be read."""
-    try:
-        baseline = json.loads(path.read_text(encoding="utf-8"))
-        if baseline["schema"] != SCHEMA or not baseline["cases"]:
-            raise NoBaseline(f"{path}: expected a baseline of schema {SCHEMA} with cases")
-        for case in baseline["cases"].values():
-            parse(dict(case["scene"]))
-    except FileNotFoundError as error:
-        raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
-        why = f"it lacks {error}" if isinstance(error, KeyError) else getattr(error, "strerror", None) or error
-        if isinstance(error, TypeError | AttributeError):
-            why = "expected a table with `schema`, and `cases` by their names, each with a `scene`"
-        raise NoBaseline(f"{path} is no baseline: {why}") from error
-    return dict(baseline)
-
-
-def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) -> None:
-    """Accept what was measured as the baseline.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which is replaced.
-    cases : mapping
-        Name -> case, as `measure` returns them.
-    versions : mapping
-        Engine -> version.
-    """
-    baseline = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
-    replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
-
-
-def scenes_of(cases: Mapping[str, Case]) -> dict[str, Scene]:
-    """Return the scenes of a baseline by name."""
-    return {name: parse(dict(case["scene"])) for name, case in cases.items()}
 
 
 def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
@@ -248,7 +202,7 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
         Folder of the night.
     workers : Pool
     """
-    baseline = read(path)
+    baseline = read_baseline(path)
     cases = baseline["cases"]
     known, scenes = {engine for case in cases.values() for engine in case["methods"]}, scenes_of(cases)
     engines = [name for name in workers.engines if name in known]
