@@ -57,6 +57,8 @@ class Cause(StrEnum):
     """It solves the constraints, and is the linkage put together another way."""
     ORDER = "depends on how a scene is stated"
     """With bodies, joints and drivers in another order, and directions of other lengths, the answer is another."""
+    AGAIN = "differs when asked again"
+    """Asked the same once more, it answers otherwise, or nothing: what it was asked in between matters, or chance."""
     NO_NUMBER = "status ok without a number"
     """NaN, or an infinite number, at a time whose status is ok."""
     NO_ANSWER = "no answer"

@@ -321,11 +321,16 @@ def _told(method: Method, subject: _Subject, *, again: bool) -> _Told:
         told.terms = [term for term in method.terms(subject.copy) if term.level not in LEVELS]
     except EngineError as error:
         return _Told(error)
-    try:
-        told.turned_round = copied(method.solve(copied(subject.turned_round))) if again else None
-    except EngineError as error:
-        told.turned_round = error
+    told.turned_round = _anew(method, subject.turned_round) if again else None
     return told
+
+
+def _anew(method: Method, scene: Scene) -> Motion | EngineError:
+    """Return what a method answers to a scene that it keeps to itself."""
+    try:
+        return copied(method.solve(copied(scene)))
+    except EngineError as error:
+        return error
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of any size are answers, and what overflows is judged as that
@@ -364,16 +369,12 @@ def _check_method(method: Method, told: _Told, subject: _Subject, part: _Part) -
         part.refusals.append(RefusalRow(engine=engine, reason=reason))
     faults += [*opened_beside(ref, motion, terms, compared), *points_off(ref, motion, method.delivers, terms, compared)]
     part.blame(method.called, *faults, *(believed(ref, motion) if subject.as_expected else ()))
-    turned_round = _turned_round(told.turned_round, subject, terms) if told.again else None
-    for fault in _disagreements(compared, turned_round, subject, motion, wrong_at):
-        silent = fault["kind"] is Cause.ORDER and isinstance(told.turned_round, EngineError)
-        part.blame(method.called, {**fault, "message": f"no answer: {told.turned_round}"} if silent else fault)
+    part.blame(method.called, *_disagreements(compared, subject, motion, wrong_at))
+    part.blame(method.called, *(_asked_again(method, told, compared, subject, terms) if told.again else ()))
 
 
-def _disagreements(
-    compared: Comparison, turned_round: Comparison | None, subject: _Subject, motion: Motion, wrong_at: Any
-) -> Iterator[dict[str, Any]]:
-    """Yield in what one method's answer, or its answer to the same scene stated otherwise, is beyond what is allowed.
+def _disagreements(compared: Comparison, subject: _Subject, motion: Motion, wrong_at: Any) -> Iterator[dict[str, Any]]:
+    """Yield in what one method's answer is beyond what is allowed.
 
     At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
     """
@@ -382,15 +383,51 @@ def _disagreements(
             beyond = here & (q.ratio > 1.0) & ~wrong_at
             if beyond.any():
                 yield _beyond(subject.ref, motion, quantity, q, kind, beyond)
-        if turned_round is not None and q.agrees and not turned_round.quantities[quantity].agrees:
-            q = turned_round.quantities[quantity]
+    if _is_silent(compared, subject):
+        bound = is_bound(subject.ref, compared.first_missing)
+        yield {**wrong("status", Cause.NO_ANSWER, f"{compared.missing} times without answer"), "bound": bound}
+
+
+def _is_silent(compared: Comparison, subject: _Subject) -> bool:
+    return not all(subject.excused(*silence) for silence in compared.silences)
+
+
+def _asked_again(
+    method: Method, told: _Told, compared: Comparison, subject: _Subject, terms: Sequence[Term]
+) -> list[dict[str, Any]]:
+    """Return in what a method is wrong where the scene is stated otherwise, and was not before.
+
+    Who is so minds how a scene is stated, unless it answers one of both statements otherwise when asked once more.
+    """
+
+    def faults(scene: Scene, motion: Any) -> list[dict[str, Any]]:
+        return list(_otherwise(compared, _compared_anew(scene, motion, subject, terms), subject, motion))
+
+    asked = (subject.turned_round, subject.scene)
+    found = faults(asked[0], told.turned_round)
+    if not found:
+        return found
+    with undisturbed():
+        once_more = [_anew(method, scene) for scene in asked]
+    otherwise, as_before = map(faults, asked, once_more)
+    if otherwise and not as_before:
+        return found
+    return [{**fault, "kind": Cause.AGAIN if fault["kind"] is Cause.ORDER else fault["kind"]} for fault in found]
+
+
+def _otherwise(
+    compared: Comparison, again: Comparison, subject: _Subject, motion: Motion | EngineError | None
+) -> Iterator[dict[str, Any]]:
+    """Yield in what a comparison is within what is allowed, and that of the answer to a later question is not."""
+    for quantity, before in compared.quantities.items():
+        q = again.quantities[quantity]
+        if before.agrees and not q.agrees:
             kind = Cause.NO_NUMBER if np.isinf(q.error).any() else Cause.ORDER
             yield {**wrong(quantity, kind), "ratio": largest_ratio(q.ratio), "at": q.worst}
-    for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
-        if answered is not None and not all(subject.excused(*silence) for silence in answered.silences):
-            bound = kind is Cause.NO_ANSWER and is_bound(subject.ref, answered.first_missing)
-            yield {**wrong("status", kind, f"{answered.missing} times without answer"), "bound": bound}
-            return
+    if _is_silent(again, subject) and not _is_silent(compared, subject):
+        failed = isinstance(motion, EngineError)
+        said = f"no answer: {motion}" if failed else f"{again.missing} times without answer"
+        yield wrong("status", Cause.ORDER, said)
 
 
 def _beyond(
@@ -406,14 +443,14 @@ def _beyond(
     return {**wrong(quantity, kind, violated.text), **seen}
 
 
-def _turned_round(motion: Motion | EngineError | None, subject: _Subject, terms: Sequence[Term]) -> Comparison:
-    """Return the comparison of a method's answer to the same scene stated otherwise (`restated`)."""
-    ref, fewer = subject.ref, subject.turned_round
-    if not isinstance(motion, Motion) or any(misshapen(fewer, motion)):
+def _compared_anew(scene: Scene, motion: Any, subject: _Subject, terms: Sequence[Term]) -> Comparison:
+    """Return the comparison of a method's answer to the scene, however it is stated there, or at its first times."""
+    ref = subject.ref
+    if not isinstance(motion, Motion) or any(misshapen(scene, motion)):
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
         whole = (float(ref.motion.t[0]), float(ref.motion.t[-1]))
-        return Comparison(nothing, len(fewer.times), 0, np.zeros(0, bool), whole[1], [whole])
-    return compare(ref, motion, terms, slice(len(fewer.times)))
+        return Comparison(nothing, len(scene.times), 0, np.zeros(0, bool), whole[1], [whole])
+    return compare(ref, motion, terms, slice(len(scene.times)))
 
 
 def _is_refusal(error: EngineError, scene: Scene) -> bool:

@@ -133,6 +133,10 @@ def _asked_again(engine: Engine, scene: Scene, answered: Collection[str]) -> Ite
             yield LevelFault(name, f"{name} is wrong {again}", f"{np.max(ratio):.3g} times the allowed error")
 
 
+OF_NUMBERS = (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER, Cause.AGAIN)
+"""Kinds in which a wrong number of one level makes those of the others wrong."""
+
+
 def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
     """Yield what a record says against an engine, of each method the first level alone: the others follow from it."""
     types = {body.name: UnitLength.type for body in scene.mechanism.bodies}  # rows of bodies of space, not of joints
@@ -141,7 +145,7 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[LevelFault]:
     for wrong in record.disagreements:
         level = wrong.quantity if wrong.quantity in (*QUANTITIES, STATUS) else ROWS
         level = FORM if level == STATUS and wrong.kind is Cause.NOT_DELIVERED else level
-        if level in QUANTITIES and wrong.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
+        if level in QUANTITIES and wrong.kind in OF_NUMBERS:
             if wrong.method in beyond:
                 continue
             beyond.add(wrong.method)

@@ -134,7 +134,7 @@ def _again(
     A simpler scene in which the method is wrong in one more way shows another fault: wrong rates of a right pose do
     not become those of a wrong one.
     """
-    turned = kind[3] == Cause.ORDER  # asked of one scene in some, but for those that are asked all
+    turned = kind[3] in (Cause.ORDER, Cause.AGAIN)  # asked of one scene in some, but for those that are asked all
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": turned}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
     of_method = {d.signature: d for d in Tally(gaps).add(record) if d.signature[:2] == kind[:2]}
