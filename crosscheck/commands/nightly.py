@@ -31,7 +31,7 @@ from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.baseline import DEFAULT, NoBaseline, read_baseline, scenes_of, write_baseline
 from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
-from crosscheck.night.history import HistoryError, nights, refuse_other, remember, trends, warnings
+from crosscheck.night.history import HistoryError, nights, other_versions, refuse_other, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, taken, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import summary
@@ -206,7 +206,7 @@ MOST_NIGHTS = 90
 
 
 def history(*, history: Path = Path("reports/history.sqlite"), last: Whole = 14, as_json: Json = False) -> int:
-    """Show the nights that were kept: how they ended, their worst digits, times relative to refkin and their changes.
+    """Show the nights that were kept: how they ended, versions, worst digits, times relative to refkin, what changed.
 
     Exit codes: 0 shown, 2 there is no such file, 4 it cannot be read.
 
@@ -230,6 +230,8 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: Whole = 14,
     last_nights = zip(kept[-last:], verdicts, strict=True)
     rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in last_nights)
     out.print(table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights"))
+    for line in other_versions(kept):
+        out.print(line, soft_wrap=True)
     out.print(_digit_table(kept[-last:]))
     out.print(_cost_table(course["series"]))
     quiet = sum(not one["changes"] and one["priced"] for one in course["series"])

@@ -50,7 +50,8 @@ CREATE TABLE IF NOT EXISTS cost (
 
 SOUND = {
     "night": "typeof(date) = 'text' AND typeof(seed) = 'text' AND typeof(verdict) = 'text'"
-    " AND typeof(scenes) = 'integer' AND typeof(new) = 'integer' AND typeof(known) = 'integer'",
+    " AND typeof(scenes) = 'integer' AND typeof(new) = 'integer' AND typeof(known) = 'integer'"
+    " AND CASE WHEN json_valid(versions) THEN json_type(versions) = 'object' ELSE 0 END",
     "accuracy": "typeof(engine) = 'text' AND typeof(method) = 'text' AND typeof(quantity) = 'text'"
     " AND typeof(digits_median) = typeof(digits_worst) AND (digits_worst IS NULL"
     " OR typeof(digits_worst) = 'real' AND abs(digits_worst) < 1e300 AND abs(digits_median) < 1e300)",
@@ -155,11 +156,12 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
 
 
 def nights(path: Path) -> list[dict[str, Any]]:
-    """Return the nights, oldest first, each with the worst digits of its methods."""
+    """Return the nights, oldest first, each with its versions and the worst digits of its methods."""
+    keys = "id, date, seed, verdict, scenes, new, known, versions"
     with _opened(path, must_exist=True) as db:
-        rows = db.execute("SELECT id, date, seed, verdict, scenes, new, known FROM night ORDER BY date, id").fetchall()
-        kept = [dict(row) for row in rows]
+        kept = [dict(row) for row in db.execute(f"SELECT {keys} FROM night ORDER BY date, id")]
         for night in kept:
+            night["versions"] = json.loads(night["versions"])
             worst = db.execute(
                 "SELECT engine, method, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
                 (night.pop("id"),),
@@ -188,6 +190,17 @@ def trends(path: Path) -> dict[str, Any]:
         one["changes"] = {str(k): factor for k, factor in change_points(one["values"]).items()}
     order = sorted(series.values(), key=lambda one: (not one["changes"], one["priced"], one["name"]))
     return {"nights": dates, "series": order}
+
+
+def other_versions(kept: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line for whatever has another version in a night than it had in the last one that had it."""
+    last: dict[str, Any] = {}
+    lines = []
+    for night in kept:
+        changed = {name: version for name, version in night["versions"].items() if last.get(name, version) != version}
+        lines += [f"{night['date']}: {name} {last[name]} became {version}" for name, version in changed.items()]
+        last |= night["versions"]
+    return lines
 
 
 def warnings(course: Mapping[str, Any]) -> list[str]:

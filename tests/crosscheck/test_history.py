@@ -278,6 +278,17 @@ def test_the_terminal_gives_one_json_object_on_request(tmp_path: Path, command: 
     assert (len(data["nights"]), len(data["warnings"])) == (24, 1)
 
 
+def test_an_engine_of_another_version_is_told_with_the_night_it_became_so(tmp_path: Path, command: Any) -> None:
+    """Digits fell from one night to the next, and nothing said that the engine was another one."""
+    for day, versions in enumerate(({"mujoco": "3"}, {"mujoco": "3", "exudyn": "1"}, {"exudyn": "1"}, {"mujoco": "4"})):
+        append(tmp_path / "h.sqlite", night(tmp_path / "run", day + 1, versions=versions))
+    shown = command("history", "--history", tmp_path / "h.sqlite", "--last", 1).stdout
+    data = json.loads(command("history", "--history", tmp_path / "h.sqlite", "--json").stdout)
+
+    assert [line for line in shown.splitlines() if "became" in line] == ["2026-10-04 02:17: mujoco 3 became 4"]
+    assert [one["versions"] for one in data["nights"]][2:] == [{"exudyn": "1"}, {"mujoco": "4"}]
+
+
 def test_what_is_no_history_is_told_in_one_line(tmp_path: Path, command: Any) -> None:
     (path := tmp_path / "h.sqlite").write_text("no database, and long enough to tell" * 40)
     told = command("history", "--history", path)
@@ -298,6 +309,8 @@ def test_what_is_no_history_is_told_in_one_line(tmp_path: Path, command: Any) ->
         ("accuracy", "digits_worst = 9e999"),
         ("night", "date = x'00ff'"),
         ("night", "scenes = 'many'"),
+        ("night", "versions = '{'"),
+        ("night", "versions = '[]'"),
     ],
 )
 def test_a_history_whose_rows_were_damaged_is_told_in_one_line_with_the_row(
