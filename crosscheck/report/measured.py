@@ -10,9 +10,17 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveFloat,
+    field_serializer,
+    model_validator,
+)
 
 from crosscheck.judge.known_gaps import KindOfGap
 from crosscheck.judge.prices import EffectRow, PriceRow
@@ -96,11 +104,31 @@ class Documents(_Row):
     documents: dict[str, Any] | None
 
 
+class _Series(_Row):
+    """The course of one time over nights: one value for each, and {place of a change: its factor}."""
+
+    name: str
+    priced: bool = False
+    nights: Annotated[list[str], Field(min_length=1)]
+    values: list[PositiveFloat]
+    changes: dict[NonNegativeInt, PositiveFloat]
+
+    @model_validator(mode="after")
+    def _of_its_nights(self) -> Self:
+        if len(self.values) != (count := len(self.nights)) or max(self.changes, default=0) >= count:
+            raise ValueError(f"expected {count} values, and changes at places below {count}")
+        return self
+
+    @field_serializer("changes")
+    def _as_in_json(self, changes: dict[int, float]) -> dict[str, float]:
+        return {str(place): factor for place, factor in changes.items()}
+
+
 class Trends(_Row):
     """The nights that were kept, and the course of what they cost."""
 
     nights: list[str]
-    series: Rows
+    series: list[_Series]
     not_shown: int = 0
 
 

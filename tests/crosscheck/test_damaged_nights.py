@@ -85,6 +85,33 @@ def test_a_price_that_is_none_is_told_with_its_key(tmp_path: Path, key: str, val
     assert f"0.{key}: {value!r}; " in refused(tmp_path, "price", [{**PRICE, key: value}])
 
 
+SERIES = {"name": "mujoco", "priced": False, "nights": ["a", "b"], "values": [1.0, 2.0], "changes": {"1": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("name", None),
+        ("nights", []),
+        ("nights", ["a"]),
+        ("nights", "ab"),
+        ("values", True),
+        ("values", [1.0, "slow"]),
+        ("values", [1.0, -2.0]),
+        ("changes", None),
+        ("changes", {"2": 2.0}),
+        ("changes", {"one": 2.0}),
+    ],
+)
+def test_a_course_of_times_that_is_none_is_told_with_its_place(tmp_path: Path, key: str, value: Any) -> None:
+    """Instead of the report stood a fault of our own."""
+    trends = {"nights": ["a", "b"], "series": [{**SERIES, key: value}]}
+    report, _ = of_run(tmp_path, record("a", good_answer("mujoco")), trends=trends)
+
+    assert (report["verdict"], report["trends"]) == ("infrastructure", None)
+    assert report["failures"][0].startswith("trends.json cannot be read: series.0")
+
+
 @pytest.mark.parametrize("value", [5e-324, 1e-320, 2.3e-308])
 def test_a_number_that_is_hardly_one_is_shown(tmp_path: Path, value: float) -> None:
     bare = record("a", good_answer("mujoco"))
