@@ -132,10 +132,34 @@ class Trends(_Row):
     not_shown: int = 0
 
 
+class _Cycle(_Row):
+    factor: float
+
+
+class _Mark(_Row):
+    """Of whose fewest digits a picture is, in which scene."""
+
+    engine: str
+    method: str
+    quantity: str
+    decade: int
+    digits: float
+    time: float
+    factor: float
+    cycle: _Cycle | None
+    scene: NonNegativeInt
+
+
 class Pictures(_Row):
     """Scenes in motion, and the marks whose pictures they are."""
 
     width: int
     height: int
     scenes: Rows
-    marks: Rows
+    marks: list[_Mark]
+
+    @model_validator(mode="after")
+    def _of_its_scenes(self) -> Self:
+        if max((mark.scene for mark in self.marks), default=-1) >= len(self.scenes):
+            raise ValueError(f"expected marks of scenes below {len(self.scenes)}")
+        return self

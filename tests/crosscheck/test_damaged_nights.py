@@ -121,22 +121,36 @@ def test_a_number_that_is_hardly_one_is_shown(tmp_path: Path, value: float) -> N
     assert report["reference"]["smallest_sigma_min"]["value"] == value
 
 
+MARK = {
+    "engine": "exudyn",
+    "method": "static",
+    "quantity": "position",
+    "decade": -1,
+    "digits": 9.0,
+    "time": 0.0,
+    "factor": 10.0,
+    "scene": 0,
+    "pose": "",
+    "ghost": "M0 0",
+    "arrows": "",
+    "cycle": None,
+}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("scene", 1), ("scene", -1), ("quantity", {}), ("decade", "near"), ("digits", None), ("cycle", 0.5), ("time", "")],
+)
+def test_a_mark_without_a_picture_is_told_with_its_place(tmp_path: Path, key: str, value: Any) -> None:
+    pictures = {"width": 300, "height": 190, "scenes": [{}], "marks": [{**MARK, key: value}]}
+    report, _ = of_run(tmp_path, record("a", good_answer("mujoco")), pictures=pictures)
+
+    assert report["verdict"] == "infrastructure"
+    assert report["failures"][0].startswith("pictures.json cannot be read: ")
+
+
 def test_pictures_of_an_engine_whose_records_were_lost_are_not_shown(tmp_path: Path) -> None:
-    mark = {
-        "engine": "exudyn",
-        "method": "static",
-        "quantity": "position",
-        "decade": -1,
-        "digits": 9.0,
-        "time": 0.0,
-        "factor": 10.0,
-        "scene": 0,
-        "pose": "",
-        "ghost": "M0 0",
-        "arrows": "",
-        "cycle": None,
-    }
-    pictures = {"width": 300, "height": 190, "scenes": [{}], "marks": [mark]}
+    pictures = {"width": 300, "height": 190, "scenes": [{}], "marks": [MARK]}
     report, _ = of_run(tmp_path, pictures=pictures)
 
     assert report["verdict"] == "nothing ran"
