@@ -16,9 +16,11 @@ def main() -> None:
     """Run the command line, whose modules are loaded as a process loads them that ends when they have done their work.
 
     What is loaded stays: looking for what could be freed of it is a tenth of the time of a small command. And pydantic
-    need not ask every package that is installed whether it adds something to it.
+    need not ask every package that is installed whether it adds something to it. Matrices of a mechanism are small:
+    threads that share one wait for each other, on a busy machine most of the time.
     """
     gc.set_threshold(10_000)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from crosscheck.cli import main as command_line

@@ -44,6 +44,7 @@ GOOD = ROOT / "examples" / "crank-rocker.toml"
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 FRAMES = ROOT / "crosscheck" / "engines" / "frames.py"
 NIGHT = 31
+THREADS = "OPENBLAS_NUM_THREADS"
 ENGINES = "exudyn,pinocchio,mujoco"
 
 
@@ -852,3 +853,15 @@ def test_a_signal_that_the_shell_ignores_stays_ignored(monkeypatch):
     with pytest.raises(Terminated):
         kept[signal.SIGTERM](signal.SIGTERM, None)
     assert kept[signal.SIGTERM] is signal.SIG_DFL  # a second one ends it wherever it is
+
+
+@pytest.mark.parametrize(("asked", "threads"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3"), ({THREADS: "2"}, "2")])
+def test_a_command_calculates_on_one_thread_unless_it_is_told_otherwise(monkeypatch, asked, threads):
+    """A path took five times as long on two busy processors."""
+    monkeypatch.setattr(os, "environ", asked)
+    monkeypatch.setattr("crosscheck.cli.main", lambda: None)
+    before = gc.get_threshold()
+    __main__.main()
+    gc.set_threshold(*before)
+
+    assert asked[THREADS] == threads
