@@ -38,7 +38,7 @@ class _Digits(Strict):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Method(Strict):
+class _Measured(Strict):
     """The digits of a method, of the quantities that it gives, and its largest error / allowed."""
 
     missing: NonNegativeInt
@@ -66,7 +66,7 @@ class _Case(Strict):
     scene: dict[str, Any]
     reference: _Reference
     rounding: _Digits
-    methods: dict[str, dict[str, _Method]]
+    methods: dict[str, dict[str, _Measured]]
 
 
 @dataclass(frozen=True, kw_only=True)
