@@ -25,6 +25,7 @@ from crosscheck.judge.rounding import SAFETY
 from crosscheck.night.baseline import read_baseline, scenes_of
 from crosscheck.night.disagreements import FOLDER, slug
 from crosscheck.night.plan import GOLDEN, Golden, replace_file
+from crosscheck.scenes.conformance import questions
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
 from refkin.motion import Motion
@@ -35,6 +36,14 @@ from refkin.solving.solve import solve
 
 LOST = 0.5
 """Digits that an engine may lose in a case."""
+PLAIN = (
+    *("distance", "gear", "gear on a carrier", "rack_and_pinion", "cam: flat on a profile"),
+    *("x of a point driven", "distance driven", "revolute with an offset by a law"),
+    *("space: revolute", "space: distance", "space: prismatic", "space: universal", "space: point_on_plane"),
+    *("space: screw", "space: gear, bevel wheels", "space: displacement driven", "space: distance driven"),
+)
+"""Plain mechanisms (`questions`) of all joints and drivers that no linkage has. Where an engine refuses what its table
+has, drawn scenes excuse it as long as it answers any: only one that it has answered before tells what it has lost."""
 LUCK = 1 / SAFETY
 """The part of what is allowed that one evaluation of the formulas may leave: the budget covers SAFETY of them."""
 
@@ -43,7 +52,7 @@ Case = Mapping[str, Any]
 
 
 def golden_scenes() -> dict[str, Scene]:
-    """Return the scenes by name: every kind of linkage, both branches, and the hard places on purpose."""
+    """Return the scenes by name: linkages, both branches, and the hard places on purpose; then the `PLAIN` ones."""
     rocker = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     toggle = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     limit = toggle.input_range()[0][1]
@@ -61,6 +70,7 @@ def golden_scenes() -> dict[str, Scene]:
         "slider-crank": SliderCrank(crank=1.0, rod=3.0).scene(samples=7),
         "slider-crank with a large offset": SliderCrank(crank=1.0, rod=3.0, offset=1.9).scene(samples=7),
         "inverted slider-crank": InvertedSliderCrank(ground=2.0, crank=0.75).scene(samples=7),
+        **{question.about: question.scene for question in questions() if question.about in PLAIN},
     }
 
 

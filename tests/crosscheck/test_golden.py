@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosscheck.engines import Level, Support
+from crosscheck.engines.loading import load
 from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
@@ -18,9 +20,11 @@ from crosscheck.night.campaign import run
 from crosscheck.night.golden import differences
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan
 from crosscheck.report.build import build
+from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.names import PEERS
+from refkin.joints import elements_of
 from refkin.motion import Status
-from refkin.scenes.files import to_dict
+from refkin.scenes.files import parse, to_dict
 
 from .fake_engines import engine_file
 
@@ -213,6 +217,19 @@ def test_the_accepted_baseline_holds_the_golden_scenes_and_every_engine(accepted
 
     assert held == {name: json.loads(json.dumps(to_dict(s))) for name, s in golden.golden_scenes().items()}
     assert engines == set(accepted["versions"]) == {ALWAYS, *SAMPLED, *PEERS}
+
+
+def keys(scenes: Any) -> set[str]:
+    return {element.key for scene in scenes for element in elements_of(scene.mechanism.constraints)}
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_the_accepted_baseline_has_an_answer_with_whatever_the_table_of_an_engine_has(accepted: Any, name: str) -> None:
+    answered = keys(parse(case["scene"]) for case in accepted["cases"].values() if name in case["methods"])
+    table = load(name).capabilities()
+    able = {key for key, levels in table.items() if levels[Level.SOLVE].support is not Support.REFUSED}
+
+    assert able & keys(question.scene for question in questions()) <= answered
 
 
 def test_the_accepted_reference_is_proved_at_every_time(accepted: Any) -> None:
