@@ -178,6 +178,22 @@ def test_bodies_and_rows_are_involved_by_their_part_of_a_null_vector_however_lon
 
 
 @pytest.mark.parametrize("estimate", [0.0, 0.3])
+def test_several_drivers_that_turn_back_together_are_told_as_several():
+    """A platform whose three cylinders lie on lines through one point, about which it can turn."""
+    ends = {"a": (1.0, 0.0), "b": (-0.5, 0.75), "c": (-0.5, -1.0)}
+    cylinders = [
+        refkin.DistanceDriver(
+            name=name, body_i=GROUND, point_i=(2 * x, 2 * y), body_j="plate", point_j=(x, y),
+            law=Polynomial(coefficients=(math.hypot(x, y), 1.0)),
+        )
+        for name, (x, y) in ends.items()
+    ]  # fmt: skip
+    found = refkin.diagnose(compile_system(Mechanism([Body(name="plate")], [], cylinders)), np.zeros(3), 0.0)
+
+    assert (found.kind, found.rows) == (PoseKind.TURNING_POINT, ("a", "b", "c"))
+    assert found.message.endswith("to first order, and a, b and c turn back")
+
+
 def test_a_lever_at_the_full_reach_of_its_cylinder_turns_back_though_nothing_else_feels_its_angle(estimate):
     """What rounding leaves of the angle's column, 1e-16, passed for full rank."""
     lever = Body(name="lever", estimate=(0.0, 0.0, estimate))

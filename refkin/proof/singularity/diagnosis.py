@@ -197,9 +197,8 @@ class _Examination:
         if free.shape[1] == 1 and self._turns_back(free[:, 0], left[0]):
             # Beside a bifurcation all drivers have small parts of psi.
             drivers = self._rows(np.where(np.isin(np.arange(self.system.m), self.driven), left[:1], 0.0))
-            return self._of(
-                PoseKind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who
-            )
+            turned = f"{_and(drivers)} turn{'s' * (len(drivers) == 1)} back"
+            return self._of(PoseKind.TURNING_POINT, f"{held} to first order, and {turned}{same}", **who)
         if self._goes_on(free):
             return self._of(PoseKind.IDLE, f"{held} on and on{same}", **who)
         return self._of(PoseKind.ACTUATOR, f"{held} to first order{same}", **who)
