@@ -37,7 +37,13 @@ from refkin.solving.solve import solve
 LOST = 0.5
 """Digits that an engine may lose in a case."""
 PLAIN = (
-    *("distance", "gear", "gear on a carrier", "rack_and_pinion", "cam: flat on a profile"),
+    *(
+        "internal gear",
+        "gear on a carrier",
+        "rack on the other side",
+        "cam: roller on a disc",
+        "cam: flat on a profile",
+    ),
     *("x of a point driven", "distance driven", "revolute with an offset by a law"),
     *("space: revolute", "space: distance", "space: prismatic", "space: universal", "space: point_on_plane"),
     *("space: screw", "space: gear, bevel wheels", "space: displacement driven", "space: distance driven"),
