@@ -282,7 +282,7 @@ def scaled(ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at:
             theirs = np.array(alike(list(theirs), list(ours), bodies, ref.passive))
         if alone:  # how what spins as it likes is accelerated says nothing where it is not said how fast it spins
             theirs, ours = theirs[::2], ours[::2]
-            theirs = np.where(np.isnan(theirs) & np.isfinite(given), ours, theirs)
+            theirs[1] = np.where(np.isnan(theirs[1]) & np.isfinite(given[1]), ours[1], theirs[1])
     return theirs, ours
 
 

@@ -209,3 +209,7 @@ def test_accelerations_alone_of_what_spins_as_it_likes_are_no_fault_and_those_of
     assert compare(ref, right).agrees
     assert not compare(ref, wrong).quantities["acceleration"].agrees
     assert not compare(ref, replace(right, qdd=np.nan * right.qdd)).agrees
+    coupler = 7 * right.bodies.index("coupler") + np.arange(3, 7)
+    nowhere = right.q.copy()
+    nowhere[coupler] = 0.0  # no turn at all
+    assert not compare(ref, replace(right, q=nowhere)).agrees
