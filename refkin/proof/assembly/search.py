@@ -281,7 +281,10 @@ class Search:
         sought = [cam for cam in polar_cams(self.system.mechanism.joints) if cam.contact_estimate is None]
         contacts = [(cam.span, q[self.system.parameter(cam.name)]) for cam in sought if not cam.profile.closed]
         there = all(low - SAME <= s <= high + SAME for (low, high), (s,) in contacts)
-        return there and all(np.max(np.abs(self._without_turns(q - other.q))) > SAME for other in self.known)
+        off = (self._without_turns(q - other.q) for other in self.known)
+        # However a gear has counted turns of bodies: it holds in both poses.
+        angles = self.system.angles & (np.arange(self.system.n) < self.system.of_bodies)
+        return there and all(np.max(np.abs(x - math.tau * np.round(x / math.tau) * angles)) > SAME for x in off)
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
         turned, contacts = angles[: len(self.turned)], angles[len(self.turned) :]
