@@ -104,7 +104,7 @@ def in_form(mechanism: Mechanism, form: str) -> Mechanism:
         return mechanism
 
     def changed(parts: tuple[Any, ...], form: str) -> tuple[Any, ...]:
-        changes = {"form": form, "spacing": None}  # a spacing belongs to printed rows
+        changes = {"form": form} | ({} if form == "printed" else {"spacing": None})  # it belongs to printed rows
         return tuple(replace(c, **{key: new for key, new in changes.items() if hasattr(c, key)}) for c in parts)
 
     return replace(mechanism, joints=changed(joints, form), drivers=changed(drivers, of_drivers))

@@ -231,6 +231,8 @@ def test_joints_in_several_forms_are_brought_into_one():
     printed = in_form(half, "printed")  # of drivers there is no such form
     assert [part.form for part in (printed.joints[0], *printed.drivers)] == ["printed", "dot"]
     assert in_form(printed, "printed") is printed
+    spaced = replace(half, joints=(replace(printed.joints[0], spacing=2.0), *half.joints[1:]))
+    assert in_form(spaced, "printed").joints[0].spacing == 2.0
     assert in_form(mixed, "") is mixed
 
 
