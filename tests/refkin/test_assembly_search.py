@@ -354,14 +354,28 @@ def test_bodies_that_roll_on_each_other_turn_together_and_a_whole_turn_is_no_oth
     assert sorted(q[2] for q in actual.poses) == pytest.approx([-angle, angle], abs=ROUND_OFF)
 
 
+def geared_cranks(length, ratio=1.0):
+    pivots = pin("O", "ground", (0.0, 0.0), "left", (0.0, 0.0)), pin("Q", "ground", (3.0, 0.0), "right", (0.0, 0.0))
+    teeth = refkin.Gear(name="teeth", body_i="left", radius_i=1.0, body_j="right", radius_j=ratio, phi0_j=math.pi)
+    held = cylinder("left", (1.0, 0.0), "right", (1.0, 0.0), length)
+    return Mechanism(bodies("left", "right"), (*pivots, teeth), (held,))
+
+
 def test_turns_that_wheels_in_gear_have_made_make_no_other_assembly_of_the_plane():
     """Two cranks in gear, their tips held apart, lean in or out: 27 assemblies were found, of every number of turns."""
-    pivots = pin("O", "ground", (0.0, 0.0), "left", (0.0, 0.0)), pin("Q", "ground", (3.0, 0.0), "right", (0.0, 0.0))
-    teeth = refkin.Gear(name="teeth", body_i="left", radius_i=1.0, body_j="right", radius_j=1.0, phi0_j=math.pi)
-    held = cylinder("left", (1.0, 0.0), "right", (1.0, 0.0), 2.0)
-    _, actual = solved(Mechanism(bodies("left", "right"), (*pivots, teeth), (held,)))
+    _, actual = solved(geared_cranks(2.0))
 
     assert sorted(math.sin(q[2]) for q in actual.poses) == pytest.approx([-math.sqrt(0.75), math.sqrt(0.75)])
+
+
+@pytest.mark.parametrize("length", [1.3, 1.55, 2.0])
+def test_wheels_in_gear_that_newton_turned_beyond_all_digits_are_in_no_assembly(length):
+    """They were in the first, at 1e15 rad, and a scene without estimates had no answer."""
+    mechanism = geared_cranks(length, ratio=2.0)
+    _, actual = solved(mechanism)
+
+    assert len(actual.poses) == 2
+    assert refkin.solve(refkin.Scene(mechanism=mechanism, times=(0.0,))).verdict == "ok"
 
 
 @pytest.mark.parametrize(("place", "count"), [((-0.8, -0.8), 2), ((-0.8, 0.4), 4), ((-0.5, 0.6), 6)])

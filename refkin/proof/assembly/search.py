@@ -31,7 +31,7 @@ from refkin.proof.assembly.levenberg import least_squares
 from refkin.proof.assembly.loci import Ball, above, below, interval, whole
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
-from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
+from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS, coordinates_have_digits, laws_have_digits
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 
@@ -265,14 +265,16 @@ class Search:
     def _refined(self, start: Array) -> Array | None:
         """Return the assembly that Newton finds from a start, without whole turns; None if it finds none.
 
-        Angles of 1e15 rad have no digits: what seems to close there does not once they are turned back.
+        Angles of 1e15 rad have no digits: what seems to close there does not once they are turned back. Where a gear
+        counts turns they cannot be; then it is no assembly either, unless a law asks for such angles.
         """
         for _ in range(2):
             q = refined(self.system, start, self.t)
             if q is None:
                 return None
             start = self._without_turns(q)
-            if closes(self.system, start, self.t):
+            told = coordinates_have_digits(start[self.system.angles]) or not laws_have_digits(self.system, self.t)
+            if told and closes(self.system, start, self.t):
                 return start
         return None
 
