@@ -24,7 +24,7 @@ KINDS = {
     ),
     "pinocchio": ("revolute", "fixed", "prismatic", "point_on_line"),
 }
-KINDS["mujoco"] = (*KINDS["exudyn"][:-2], "planet")
+KINDS["mujoco"] = (*KINDS["exudyn"][:6], "planet")
 """What each has rows of."""
 
 

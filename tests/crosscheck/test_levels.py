@@ -250,13 +250,13 @@ def test_of_scenes_that_a_night_knows_well_rows_are_compared_in_one_of_four_and_
     [
         (lambda rows: None, "got a NoneType without rows, owns_driver, residual, jacobian, constraint_velocity, drift"),
         (lambda rows: vars(rows).pop("owns_driver") and rows, "got a SimpleNamespace without owns_driver"),
-        (lambda rows: rows.change(residual=lambda q, t: [0.0]), "own rows, residual: expected an array of shape (3,)"),
-        (lambda rows: rows.change(jacobian=lambda q, t: np.zeros((3, 2))), "or with more rows, got (3, 2)"),
+        (lambda rows: rows.change(residual=lambda q, t: [0.0]), "own rows, residual: expected an array of shape (2,)"),
+        (lambda rows: rows.change(jacobian=lambda q, t: np.zeros((2, 2))), "or with more rows, got (2, 2)"),
         (
-            lambda rows: rows.change(drift=lambda q, qd, t: np.zeros(2)),
-            "own rows, drift: expected an array of shape (3,)",
+            lambda rows: rows.change(drift=lambda q, qd, t: np.zeros(1)),
+            "own rows, drift: expected an array of shape (2,)",
         ),
-        (lambda rows: rows.change(drift=lambda q, qd, t: np.array(["0"] * 3)), "expected an array of shape (3,) "),
+        (lambda rows: rows.change(drift=lambda q, qd, t: np.array(["0"] * 2)), "expected an array of shape (2,) "),
         (lambda rows: rows.change(rows=None), "rows: expected a list of RowMap"),
         (lambda rows: rows.change(rows=iter(rows.rows)), "rows: expected a list of RowMap"),
         (

@@ -66,12 +66,8 @@ _LINE = native_but(
     drift=_BY_PARTS,
     solve=derived("a tree joint is MuJoCo's own; for a closing one the adapter forms the drift term"),
 )
-_LAW = native_but(
-    constraint_velocity=Capability(Support.NATIVE, "phi_q qd alone: MuJoCo knows no rate of a law"),
-    drift=derived("f'' is added by the adapter"),
-    solve=derived("the adapter appends the row, on MuJoCo's motion of the body"),
-)
-_SQUARED = derived("MuJoCo's row is |d| - f; the adapter makes it (d . d - f^2) / 2")
+_LAW = derived("the adapter appends the row, on MuJoCo's motion of the body")
+_NO_RATE = refused("MuJoCo knows no rate of a law: what it holds by one is used where it simulates, and not compared")
 _BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force of a tendon with armature")
 
 _NO_ROW = refused("MuJoCo has no equality of this kind between free bodies in space")
@@ -85,9 +81,7 @@ CAPABILITIES: Capabilities = {
     "distance": native_but(drift=_BIAS, solve=_BIAS),
     "angle": native_but(),
     **dict.fromkeys(("rolling wheels", "rolling wheels on a carrier"), native_but()),
-    "angle by a law": _LAW,
-    "coordinate by a law": _LAW,
-    "distance by a law": by_level(_SQUARED, _LAW[Level.SOLVE]),
+    **dict.fromkeys(("angle by a law", "coordinate by a law", "distance by a law"), by_level(_NO_RATE, _LAW)),
     "points of space coincide": native_but(),
     "axes parallel": native_but(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
     **dict.fromkeys(("turn about axis", "twist about axis"), native_but(solve=_EDGE_OR_ROW)),
@@ -95,8 +89,8 @@ CAPABILITIES: Capabilities = {
     "turns in gear": by_level(_NO_ROW, _GEARED),
     **dict.fromkeys(("axes perpendicular", "point on axis", "point in plane"), by_level(_NO_ROW, _EDGE_OR_ROW)),
     "distance of space": by_level(_UNUSED, _EDGE_OR_ROW),
-    "shift along axis by a law": by_level(_NO_ROW, _LAW[Level.SOLVE]),
-    **dict.fromkeys(("turn about axis by a law", "distance of space by a law"), by_level(_UNUSED, _LAW[Level.SOLVE])),
+    "shift along axis by a law": by_level(_NO_ROW, _LAW),
+    **dict.fromkeys(("turn about axis by a law", "distance of space by a law"), by_level(_UNUSED, _LAW)),
 }
 
 
@@ -106,67 +100,39 @@ HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 
 
 class AbsoluteRows(ConstraintModel):
-    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body.
+    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body; none for drivers.
 
     The model is in units of the mechanism's size, a power of two, so that MuJoCo is given the very numbers it is asked
-    about. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
+    about.
     """
 
     owns_driver = False
 
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         bodies, size = [body.name for body in mechanism.bodies], mechanism.size()
-        tree = absolute_tree(bodies, size)
-        self._rows = MujocoRows(Plan(tree, elements_of(constraints)))
+        self._rows = MujocoRows(Plan(absolute_tree(bodies, size), elements_of(constraints)))
         sources = self._rows.plan.sources
-        self._drivers = self._rows.plan.driven
-        self._squared = [d for d in self._drivers if d.squared]
-        self._metre = np.array([tree.size**s.unit for s in sources])
-        for driven in self._squared:
-            self._metre[driven.source] *= tree.size
-        self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
+        self._metre = np.array([size**s.unit for s in sources])
+        self._unit = np.tile([1.0 / size, 1.0 / size, 1.0], len(bodies))
         self.rows = tuple(
             RowMap(constraint=s.element.name, row=s.element.row + s.row, engine_row=k, form=s.form)
             for k, s in enumerate(sources)
         )
 
     def residual(self, q: Array, t: float) -> Array:
-        residual = self._at(q, t)[0]
-        for driven in self._squared:
-            residual[driven.source] *= 0.5 * (self._rows.length(driven.source) + driven.value(t, 0))
-        return residual * self._metre
+        return self._rows.rows((q * self._unit)[None])[0][0] * self._metre
 
     def jacobian(self, q: Array, t: float) -> Array:
-        jacobian = self._at(q, t)[1]
-        for driven in self._squared:
-            jacobian[driven.source] *= self._rows.length(driven.source)
+        jacobian = self._rows.rows((q * self._unit)[None])[1][0]
         return jacobian * np.outer(self._metre, self._unit)
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
-        """Return the velocity of MuJoCo's rows, (m,), without a driver's rate, which MuJoCo does not know."""
-        velocity = self._at(q, t, qd)[0]
-        for driven in self._squared:
-            velocity[driven.source] *= self._rows.length(driven.source)
-        return velocity * self._metre
+        """Return the velocity of MuJoCo's rows, (m,)."""
+        return self._rows.rates((q * self._unit)[None], (qd * self._unit)[None])[0][0] * self._metre
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
-        """Return MuJoCo's -Jdot qd and, added here, what the law of each driver brings, (m,)."""
-        velocity, drift = self._at(q, t, qd)
-        for driven in self._drivers:
-            f, fd, fdd = (driven.value(t, order) for order in range(3))
-            k = driven.source
-            if driven.squared:  # |d| |d|'' + |d|'^2 = f f'' + f'^2
-                drift[k] = self._rows.length(k) * drift[k] - velocity[k] ** 2 + fd**2 + f * fdd
-            else:
-                drift[k] += fdd
-        return drift * self._metre
-
-    def _at(self, q: Array, t: float, qd: Array | None = None) -> tuple[Array, Array]:
-        """Return residual (m,) and Jacobian (m, n), or with rates velocity and drift term (m,)."""
-        self._rows.drive(t)
-        at = (q * self._unit)[None]
-        first, second, *_ = self._rows.rows(at) if qd is None else self._rows.rates(at, (qd * self._unit)[None])
-        return first[0], second[0]
+        """Return MuJoCo's -Jdot qd, (m,)."""
+        return self._rows.rates((q * self._unit)[None], (qd * self._unit)[None])[1][0] * self._metre
 
 
 class Mujoco(TreeAdapter):

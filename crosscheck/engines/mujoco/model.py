@@ -38,7 +38,7 @@ from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import Form, Length, Linear, through_its_point
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin import joints
-from refkin.joints import Element, PointDistance
+from refkin.joints import Element
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # before the import: nothing is drawn, and there may be no display
 import mujoco as mujoco  # re-exported, so that whoever imports it gets it this way
@@ -161,7 +161,7 @@ class Plan:
         first = self._turning(f"{name} angle", turns)
         self.sources.append(Source(element=e, equality=first, unit=0))
         if e.laws:
-            self.driven.append(Driven(e, len(self.sources) - 1, self.owners[first], shift=offset))
+            self.driven.append(Driven(e, self.owners[first], shift=offset))
         else:
             self.spec.equalities[-1].data[0] = e.angle - offset
 
@@ -192,7 +192,7 @@ class Plan:
         self.spatial.append(first)
         self.sources.append(Source(element=e, equality=first, form=LINEAR if e.laws else Length(e.length)))
         if e.laws:
-            self.driven.append(Driven(e, len(self.sources) - 1, self.owners[first], size=self.tree.size))
+            self.driven.append(Driven(e, self.owners[first], size=self.tree.size))
         else:
             self.spec.equalities[-1].data[0] = e.length / self.tree.size
 
@@ -204,7 +204,7 @@ class Plan:
         row = self._connect(name, target) + e.axis
         self.sources.append(Source(element=e, equality=row))
         shift, size = self.tree.origin[e.axis], self.tree.size
-        self.driven.append(Driven(e, len(self.sources) - 1, self.owners[row], target, e.axis, shift, size))
+        self.driven.append(Driven(e, self.owners[row], target, e.axis, shift, size))
 
 
 def kinematic_spec() -> Any:
@@ -300,11 +300,10 @@ class LineGuide:
 class Driven:
     """Where the value of an element's law goes: `eq_data` of an equality, or coordinate `axis` of a ground site.
 
-    `source` is the index of the element's row; (law - shift) / size is the law in the model's unit.
+    (law - shift) / size is the law in the model's unit.
     """
 
     element: Element
-    source: int
     equality: int
     site: str = ""
     axis: int = 0
@@ -315,8 +314,3 @@ class Driven:
         """Return the law's value or derivative in the model's unit."""
         law = float(self.element.laws[0](t, order))
         return (law - (0.0 if order else self.shift)) / self.size
-
-    @property
-    def squared(self) -> bool:
-        """Whether the row is one of (d . d - f^2) / 2, which MuJoCo has as |d| - f."""
-        return isinstance(self.element, PointDistance)

@@ -290,10 +290,6 @@ class MujocoRows:
         mujoco.mj_sensorAcc(m, d)
         return np.array(d.qacc[self.columns])
 
-    def length(self, source: int) -> float:
-        """Return the length of the spatial tendon that holds a row, where the bodies were last placed."""
-        return float(self.data.ten_length[self._tendon(self._pick[source])])
-
     def _picked(self, *parts: Array) -> Array:
         return np.concatenate(parts, axis=1)[:, self._pick]
 
@@ -315,9 +311,6 @@ class MujocoRows:
                 rows[self._owners == k] = self.data.site_xpos[first] - self.data.site_xpos[second]
         return rows
 
-    def _tendon(self, row: int) -> int:
-        return int(self.model.eq_obj1id[self._owners[row]])
-
     def _guide_rates(self, guided: Any, gap: Array, rate: Array, drift: Array) -> tuple[Array, Array]:
         """Return the rates (B, guides) of n . d, from sensors, and drift terms by the product rule, which it has not.
 
@@ -337,7 +330,7 @@ class MujocoRows:
 
         MuJoCo knows Jdot qd for the sake of tendons that have an armature: their bias force is J^T armature Jdot qd.
         """
-        tendon = self._tendon(row)
+        tendon = int(self.model.eq_obj1id[self._owners[row]])
         m, d, armature = self.model, self.data, self._armature
         armature[tendon] = HEAVY
         mujoco.mj_fwdVelocity(m, d)
