@@ -73,17 +73,22 @@ class SceneDrawing:
         return shapes_of(self.scene)
 
     def _within(self, q: Any) -> Any:
-        """Return the outmost places of points and wheels at poses (n, T), (2, K)."""
-        parts = [(body, s) for body, of_body in self.shapes.items() for s in of_body if s.role in OUTMOST]
+        """Return the outmost places of points, wheels and bodies without a point at poses (n, T), (2, K)."""
+        shapes = [(body, s) for body, of_body in self.shapes.items() for s in of_body]
+        parts = [(body, s) for body, s in shapes if s.role in OUTMOST or not (self.points[body] or body == GROUND)]
         places = [(self._seen(q, body, point), shape.radius) for body, shape in parts for point in shape.points.T]
         return np.concatenate([at + way * radius for at, radius in places for way in (-1, 1)], axis=1)
 
     def _view(self) -> View:
-        """Return the view that holds every part at every time."""
+        """Return the view that holds every part at every time.
+
+        What hardly moves, as a crank alone, is no larger in it than the block that is drawn for it.
+        """
         x, y = self._within(self.motion.q[:, self.shown])
         wide, high = np.ptp(x), np.ptp(y)
-        room = min((WIDTH - 2 * MARGIN) / max(wide, 1e-300), (HEIGHT - 2 * MARGIN) / max(high, 1e-300))
-        return View((x.max() + x.min()) / 2, (y.max() + y.min()) / 2, float(min(room, 1e300)))
+        least = 0.12 * self.scene.mechanism.size()
+        room = min((WIDTH - 2 * MARGIN) / max(wide, least), (HEIGHT - 2 * MARGIN) / max(high, least))
+        return View((x.max() + x.min()) / 2, (y.max() + y.min()) / 2, float(room))
 
     def _rows(self, body: str) -> slice:
         return slice(self.width * self.names[body], self.width * (self.names[body] + 1))
@@ -203,7 +208,7 @@ class SceneDrawing:
             tails.append(self.view.pixels(*moves.r))
             truths.append(moves.v if len(rates) == 1 else moves.a)
             errors.append(point_motion(point, q[rows], off[rows]).v)
-        truth, error = np.array(truths), np.array(errors)
+        truth, error = (np.reshape(rates, (-1, 2)) for rates in (truths, errors))
         scale = 0.22 * HEIGHT / max(np.max(np.hypot(*truth.T), initial=0.0), 1e-300)
         factor = factor_below(0.6 * VISIBLE * WIDTH / max(scale * np.max(np.hypot(*error.T), initial=0.0), 1e-300))
         arrows = []

@@ -24,6 +24,8 @@ from refkin.joints import (
     GuidedPoint,
     Revolute,
     SpatialPrismatic,
+    XDriver,
+    YDriver,
 )
 from refkin.model import Body, Mechanism
 from refkin.scenes.linkages import RSSR
@@ -192,6 +194,27 @@ def test_wheels_are_circles_of_their_radius_and_lie_within_the_picture() -> None
     assert (start + small, level) == (0.0, 0.0)
     assert (r, across, small) == pytest.approx(np.array([2.0, 4.0, 1.0]) * picture.view.scale, abs=TENTHS)
     assert picture.view.scale == pytest.approx((HEIGHT - 2 * MARGIN) / 8.0, rel=0.01)  # the planet goes round outside
+
+
+def test_the_block_of_a_body_that_one_point_holds_or_none_is_within_the_picture() -> None:
+    """A crank alone was beyond it, as large as rounding is small; a body without a joint had no picture."""
+    crank = Revolute(name="O", body_i=GROUND, point_i=(1.0, 2.0), body_j="b", point_j=(-0.5, 0.0))
+    turn = AngleDriver(name="d", body="b", law=refkin.Polynomial(coefficients=(0.0, 1.0)))
+    at = (XDriver(name="x", body="b", law=turn.law), YDriver(name="y", body="b", law=turn.law))
+    for joints, drivers in (((crank,), (turn,)), ((), (*at, turn))):
+        scene = refkin.Scene(mechanism=Mechanism((Body(name="b"),), joints, drivers), times=(0.0, 0.5, 1.0))
+        picture = drawing_of(scene, refkin.solve(scene))
+        drawn = picture.described("a", "b")
+        corners = np.array(re.findall(r"[ML](\S+) (-?[0-9.]+)", drawn["parts"][0]["path"]), float)
+        places = np.array([turned(frame[0], corners) for frame in drawn["frames"]])
+
+        assert places.shape == (3, 4, 2)
+        assert places.min() >= 0.0
+        assert (np.array([WIDTH, HEIGHT]) - places).min() >= 0.0
+        assert np.ptp(places[0], axis=0).max() > 10.0
+        assert [picture.ghost(DrawnSample(0, 9.0, 1e-9 * np.ones((3, 3))), level) is None for level in range(3)] == [
+            False
+        ] * 3
 
 
 @pytest.mark.parametrize("level", [1, 2])
