@@ -20,6 +20,7 @@ import pytest
 from crosscheck.judge.records import plain
 from crosscheck.measure.check import check
 from crosscheck.night.sections import pictures, write_documents
+from crosscheck.scenes.conformance import questions
 from refkin import FourBar, SliderCrank
 from refkin.scenes.files import to_dict
 from tests.linkages import ROCKER
@@ -339,16 +340,33 @@ def _axe() -> Any:
     return sync_playwright
 
 
+def of_one(made: Path, scene: Any, engine: str) -> Path:
+    """A run of one scene."""
+    record = check(scene, [engine], {"kind": "one", "shard": 0})
+    write(made, plain(record))
+    poses = pictures([record], lambda r: {"scene": to_dict(scene)}, {engine: engine})
+    (made / "pictures.json").write_text(json.dumps(poses))
+    built(made, outcome(versions={engine: "0.1.0"}))
+    return made
+
+
 @pytest.fixture(scope="module")
 def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of one mechanism of space."""
     scene = replace(space_scenes.rssr_by_distance(), times=space_scenes.TIMES[:5])
-    record = check(scene, ["closed_form"], {"kind": "RSSR", "shard": 0})
-    made = write(tmp_path_factory.mktemp("space"), plain(record))
-    poses = pictures([record], lambda r: {"scene": to_dict(scene)}, {"closed_form": "closed_form"})
-    (made / "pictures.json").write_text(json.dumps(poses))
-    built(made, outcome(versions={"closed_form": "0.1.0"}))
-    return made
+    return of_one(tmp_path_factory.mktemp("space"), scene, "closed_form")
+
+
+@pytest.mark.parametrize("scripts", [False, True])
+def test_wheels_and_profiles_are_lines_that_hide_nothing(opened: Any, tmp_path: Path, scripts: bool) -> None:
+    """They were black discs, and what meshes with them, or lies on them, could not be seen."""
+    (scene,) = (q.scene for q in questions() if q.about == "gear on a carrier")
+    page = opened(of_one(tmp_path, scene, "refkin-batch") / "index.html", java_script_enabled=scripts).page
+    if scripts:
+        page.locator("[data-pose]").first.hover()
+    fills = "(paths) => paths.map((p) => getComputedStyle(p).fill)"
+
+    assert set(page.locator("#pose-truth path[stroke-opacity]").evaluate_all(fills)) == {"none"}
 
 
 def places(page: Any) -> list[str]:

@@ -80,7 +80,7 @@
     const [right, down] = seen(x + 100 * along * Math.cos(angle), y + 100 * along * Math.sin(angle), far).map((v, k) => v - one[k]);
     return [...one, (Math.atan2(down, right) * 180) / Math.PI, Math.hypot(right, down) / 100];
   };
-  const guide = (parent, path) => { if (path) add(parent, "path", { d: path, "stroke-width": 1, "stroke-opacity": 0.45 }); };
+  const guide = (parent, path) => { if (path) add(parent, "path", { d: path, fill: "none", "stroke-width": 1, "stroke-opacity": 0.45 }); };
   const build = (parent, parts, places) => {
     parent.replaceChildren();
     parts.slice(0, places.length).forEach((part, k) => {
