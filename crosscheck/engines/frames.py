@@ -85,8 +85,3 @@ def through_its_point(e: GuidedPoint) -> GuidedPoint:
 def wrap(angle: Any) -> Any:
     """Return the angle modulo 2 pi, nearest zero [rad]."""
     return np.arctan2(np.sin(angle), np.cos(angle))
-
-
-def unwrap_near(angle: float, near: float) -> float:
-    """Return angle + 2 pi k nearest `near` [rad]."""
-    return angle + math.tau * round((near - angle) / math.tau)

@@ -50,7 +50,9 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
     `line` is what is drawn: "digits_worst", whose marks have a picture each, or "digits_median".
     """
     looks = looks_of(report)
-    bins, blanks = _bins(report), _blanks(report)
+    bins = _bins(report)
+    # Decades of a scene's smallest sigma_min where configurations have no answer.
+    blanks = [((m["engine"], m["method"]), int(x)) for m in report["methods"] for x in m["unanswered_by_sigma"]]
     lowest = min((b.digits[line] for b in bins), default=0.0)
     floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
     span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
@@ -138,15 +140,6 @@ def _bins(report: Report) -> list[Bin]:
         for quantity in SOLVED
         for decade, digits in quantities[quantity]["digits_by_sigma"].items()
         if digits["samples"]
-    ]
-
-
-def _blanks(report: Report) -> list[tuple[tuple[str, str], int]]:
-    """Return ((engine, method), decade of a scene's smallest sigma_min) where configurations have no answer."""
-    return [
-        ((row["engine"], row["method"]), int(decade))
-        for row in report["methods"]
-        for decade in row["unanswered_by_sigma"]
     ]
 
 

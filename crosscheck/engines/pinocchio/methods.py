@@ -95,16 +95,14 @@ class PinocchioStepper:
             if k + 1 == len(self.scene.times):
                 break
             h = 2.0 * clock.step(k)
-            self._stabilise(BAUMGARTE / h if stabilised else 0.0)
+            rate = BAUMGARTE / h if stabilised else 0.0
+            for constraint in self.constraints:
+                constraint.m_baumgarte_parameters = pin.BaumgarteCorrectorParameters(rate * rate, 2.0 * rate)
             for _ in range(steps):
                 q[held], qd[held] = values[:2, at]
                 q, qd = rule(partial(self._acceleration, held), values[2, at : at + 3], q, qd, h)
                 at += 2
         return levels
-
-    def _stabilise(self, rate: float) -> None:
-        for constraint in self.constraints:
-            constraint.m_baumgarte_parameters = pin.BaumgarteCorrectorParameters(rate * rate, 2.0 * rate)
 
     def _acceleration(self, held: Array, prescribed: Array, q: Array, qd: Array) -> Array:
         """Return the acceleration (n,) that Pinocchio gives, the prescribed coordinates being driven."""

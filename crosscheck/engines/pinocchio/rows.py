@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import EngineRefusal
-from crosscheck.engines.frames import direction, through_its_point, unwrap_near
+from crosscheck.engines.frames import direction, through_its_point
 from crosscheck.engines.pinocchio.model import WORLD_AXES, PlacedFrame, PlanarModel, Points, Read, Scaling, unit_vector
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.scenes.names import QUANTITIES
@@ -145,8 +145,8 @@ class EqualAngles(Anchor):
 
     def _values(self, q: Array, gaps: Array) -> Array:
         near = (self._near + q @ self._turns).tolist()
-        angles = [unwrap_near(math.atan2(y, x), at) for (x, y), at in zip(gaps.tolist(), near, strict=True)]
-        return np.array(angles)[:, None]
+        angles = ((math.atan2(y, x), at) for (x, y), at in zip(gaps.tolist(), near, strict=True))
+        return np.array([angle + math.tau * round((at - angle) / math.tau) for angle, at in angles])[:, None]
 
 
 def _element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> PinocchioRows:
