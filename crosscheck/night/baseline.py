@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, ValidationError
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, ValidationError, model_validator
 
 from crosscheck.errors import UsageError
 from crosscheck.judge.records import QUANTITIES, Strict, adapter, fault, plain
 from crosscheck.night.plan import replace_file
+from crosscheck.scenes.names import called_for
 from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import Status
@@ -46,6 +47,15 @@ class _Measured(Strict):
     position: tuple[float, float] | None = None
     velocity: tuple[float, float] | None = None
     acceleration: tuple[float, float] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_both(cls, data: Any) -> Any:
+        """Digits that are not there are held against nothing, and a method that has lost them would not be told."""
+        ratio = data.get("ratio") if isinstance(data, dict) else None
+        if isinstance(ratio, dict) and set(ratio) != (given := set(data) & set(QUANTITIES)):
+            raise ValueError(f"expected digits and ratios of the same quantities, got {sorted(given)}, {sorted(ratio)}")
+        return data
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,10 +112,12 @@ def _unlike_its_scene(name: str, case: _Case) -> Iterator[str]:
         return
     times, width = len(scene.times), len(scene.mechanism.bodies) * scene.mechanism.kind.width
     levels = {quantity: getattr(case.reference, quantity) or () for quantity in QUANTITIES}
+    called = called_for(scene, QUANTITIES)
     radii = {f"certified_radius.{q}": case.reference.certified_radius.get(q, ()) for q in QUANTITIES}
-    of_times = {"status": case.reference.status, **{q: rows for q, rows in levels.items() if rows}, **radii}
+    of_times = {"status": case.reference.status, **{q: levels[q] for q in QUANTITIES if q in called}, **radii}
+    not_called = {q: levels[q] for q in QUANTITIES if q not in called}
     of_coordinates = {f"{q}.{k}": row for q, rows in levels.items() for k, row in enumerate(rows)}
-    for expected, lists in ((times, of_times), (width, of_coordinates)):
+    for expected, lists in ((times, of_times), (0, not_called), (width, of_coordinates)):
         for where, values in lists.items():
             if len(values) != expected:
                 yield f"{key}.reference.{where}: {len(values)} values; expected {expected}"

@@ -73,6 +73,8 @@ def refused(folder: Path, text: str) -> str:
         (f"{METHOD}.position", [15.6, None]),
         (f"{METHOD}.position", 15.6),
         (f"{METHOD}.positoin", [15.6, 15.3]),
+        (f"{METHOD}", {"missing": 0, "ratio": {"position": 0.1}}),
+        (f"{METHOD}", {"missing": 0, "ratio": {}, "position": [15.6, 15.3]}),
     ],
 )
 def test_a_value_that_is_none_is_told_with_its_key(tmp_path: Path, where: str, value: Any) -> None:
@@ -109,6 +111,21 @@ def test_numbers_that_are_not_those_of_the_scene_are_no_fault_of_the_reference(
     key = where if where.endswith("velocity") else where.rpartition(".")[0]
     found = refused(tmp_path, json.dumps(planted(f"cases.{NAME}.reference.{where}", ...)))
     assert found == f"cases.{NAME}.reference.{key}: {said}"
+
+
+@pytest.mark.parametrize("value", [None, []])
+@pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
+def test_a_level_that_the_scene_calls_for_and_the_file_lacks_is_no_fault_of_the_reference(
+    tmp_path: Path, quantity: str, value: Any
+) -> None:
+    """It was told as a reference that has left its proof."""
+    key = f"cases.{NAME}.reference.{quantity}"
+    assert refused(tmp_path, json.dumps(planted(key, value))).startswith(f"{key}: ")
+
+
+def test_a_level_that_the_scene_does_not_call_for_is_no_fault_of_the_reference(tmp_path: Path) -> None:
+    found = refused(tmp_path, json.dumps(planted(f"cases.{NAME}.scene.effects", ["velocity"])))
+    assert found == f"cases.{NAME}.reference.acceleration: 7 values; expected 0"
 
 
 def test_a_scene_that_is_none_is_told_with_its_case(tmp_path: Path) -> None:
