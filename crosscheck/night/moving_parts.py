@@ -208,7 +208,7 @@ class SceneDrawing:
             tails.append(self.view.pixels(*moves.r))
             truths.append(moves.v if len(rates) == 1 else moves.a)
             errors.append(point_motion(point, q[rows], off[rows]).v)
-        truth, error = (np.reshape(rates, (-1, 2)) for rates in (truths, errors))
+        truth, error = np.array(truths).reshape(-1, 2), np.array(errors).reshape(-1, 2)
         scale = 0.22 * HEIGHT / max(np.max(np.hypot(*truth.T), initial=0.0), 1e-300)
         factor = factor_below(0.6 * VISIBLE * WIDTH / max(scale * np.max(np.hypot(*error.T), initial=0.0), 1e-300))
         arrows = []
