@@ -91,7 +91,7 @@ def test_source_and_tests_stay_as_long_as_they_are():
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
     assert size["refkin"] + size["crosscheck"] <= 63_630
-    assert size["tests"] <= 50_979
+    assert size["tests"] <= 50_990
 
 
 ALL = ("refkin", "crosscheck", "tests")

@@ -18,7 +18,8 @@ from crosscheck.engines.pinocchio.features import EFFORT, UNREAD, ForwardDynamic
 from crosscheck.engines.pinocchio.model import tree_model
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.scenes.names import PHYSICAL
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.solving.solve import solve
 from tests.linkages import ROCKER
 
 SCENE = ROCKER.scene(law=Polynomial(coefficients=(0.0, 2.0)), times=(0.1, 0.2, 0.3))
@@ -32,6 +33,16 @@ def test_every_physical_effect_is_offered_or_refused_with_a_reason(name):
 
     assert sorted([*offered, *missing]) == sorted(PHYSICAL)
     assert all({**offered, **missing}.values())
+
+
+@pytest.mark.parametrize(("name", "off"), [("mujoco", 0.2), ("pinocchio", 1e-12)])
+def test_forward_dynamics_accelerate_a_linkage_as_its_law_does(name, off):
+    """MuJoCo's constraints are soft: an eighth is missing. Planted: a law without its second derivative."""
+    scene = ROCKER.scene(law=Sinusoid(offset=1.0, amplitude=0.8, angular_frequency=1.3), times=SCENE.times)
+    engine, right = load(name), solve(scene).qdd
+    (route,) = engine.dynamic_routes()
+
+    assert engine.solve(scene, route).qdd == pytest.approx(right, abs=off * np.max(np.abs(right)))
 
 
 def exudyn_state(effect):
