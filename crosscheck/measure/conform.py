@@ -81,7 +81,7 @@ def ask(engine: Engine, question: Question) -> Reply:
     record = check(question.scene, [engine], about)
     faults = list(_faults_of(record, question.scene))
     if not faults and (record.answers or record.levels):
-        faults = list(_reordered(record, check(restated(question.scene), [engine], about), question.scene))
+        faults = _stated_otherwise(engine, question.scene, record, about)
     if not faults and record.answers:
         faults = list(_asked_again(engine, question.scene, [answer.method.name for answer in record.answers]))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
@@ -89,14 +89,34 @@ def ask(engine: Engine, question: Question) -> Reply:
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
 
 
-def _reordered(record: Record, again: Record, scene: Scene) -> Iterator[LevelFault]:
-    """Yield in what an engine that answered a scene is wrong where that is stated otherwise; or silent, and why."""
+def _stated_otherwise(engine: Engine, scene: Scene, record: Record, about: dict[str, str]) -> list[LevelFault]:
+    """Return in what an engine that answered a scene is wrong where that is stated otherwise.
+
+    Or where it is asked again: as in `check`, who answers one of both statements otherwise than before does not mind
+    which it is.
+    """
+
+    def asked(scene: Scene) -> Record:
+        return check(scene, [engine], about)
+
+    def faults(again: Record, kind: Cause = Cause.ORDER) -> list[LevelFault]:
+        return list(_faults_again(record, again, scene, kind))
+
+    first = asked(restated(scene))
+    if not faults(first) or (faults(asked(restated(scene))) and not faults(asked(scene))):
+        return faults(first)
+    return faults(first, Cause.AGAIN)
+
+
+def _faults_again(record: Record, again: Record, scene: Scene, kind: Cause) -> Iterator[LevelFault]:
+    """Yield in what the answer to a later question is wrong, as of a kind; or silent, and why."""
     said, *_ = *(d.message for d in again.disagreements), *(row.reason for row in again.refusals if not row.joint), ""
     silent = [method for method in _answering(record) if method not in _answering(again)]
+    where = "where a scene is stated otherwise" if kind is Cause.ORDER else "when asked again"
     for method in silent:
-        yield LevelFault(STATUS, f"no answer where a scene is stated otherwise (method {method!r})", said)
+        yield LevelFault(STATUS, f"no answer {where} (method {method!r})", said)
     others = [d for d in again.disagreements if d.method not in silent and d.kind not in ENDED]
-    yield from _faults_of(replace(again, disagreements=[replace(d, kind=Cause.ORDER) for d in others]), scene)
+    yield from _faults_of(replace(again, disagreements=[replace(d, kind=kind) for d in others]), scene)
 
 
 def _answering(record: Record) -> list[str]:

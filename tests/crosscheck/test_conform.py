@@ -222,8 +222,8 @@ def test_an_engine_that_answers_no_scene_that_is_stated_otherwise_is_told_so(err
 
     class Once(Right):
         def change(self, motion):
-            self.asked = not vars(self).get("asked")
-            if self.asked:
+            self.first = vars(self).get("first", [*motion.bodies])
+            if [*motion.bodies] == self.first:
                 return motion
             raise error("by the test")
 
@@ -232,6 +232,25 @@ def test_an_engine_that_answers_no_scene_that_is_stated_otherwise_is_told_so(err
     assert fault.what == "no answer where a scene is stated otherwise (method 'planted')"
     assert "by the test" in fault.example
     assert "by the test" in other.example  # of one scene in four it is asked as a night asks
+
+
+@pytest.mark.parametrize("silent", [False, True])
+@pytest.mark.parametrize("right", [lambda count: count == 1, lambda count: count % 2 == 1], ids=["once", "every other"])
+def test_an_engine_that_answers_otherwise_when_asked_again_is_not_said_to_mind_the_statement(right, silent):
+    """A night told the two apart, and this did not."""
+
+    class Again(Right):
+        count = 0
+
+        def change(self, motion):
+            self.count += 1
+            if silent and not right(self.count):
+                raise EngineError("by the test")
+            return motion if right(self.count) else replace(motion, q=motion.q + 1e-6)
+
+    (fault,) = ask(Again(), ASKED["law: table"]).faults
+
+    assert fault.what == f"{'no answer' if silent else 'position differs'} when asked again (method 'planted')"
 
 
 @pytest.mark.parametrize("k", range(3))
