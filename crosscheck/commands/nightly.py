@@ -29,7 +29,7 @@ from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTH
 from crosscheck.judge import known_gaps as gaps
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
-from crosscheck.night.baseline import DEFAULT, NoBaseline, read_baseline, scenes_of, write_baseline
+from crosscheck.night.baseline import DEFAULT, read_baseline, scenes_of, write_baseline
 from crosscheck.night.campaign import make_room, refuse_others, run, seed_of
 from crosscheck.night.history import HistoryError, nights, other_versions, refuse_other, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, taken, write_outcome
@@ -272,12 +272,7 @@ def baseline(
     if missing:
         print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
         return ENGINE_MISSING
-    try:
-        before = read_baseline(file)["cases"]
-    except NoBaseline:
-        if not accept:
-            raise
-        before = {}
+    before = {} if accept and not file.exists() else read_baseline(file)["cases"]  # another file is not written over
     with checkers(1, {name: spec for name, (spec, _) in installed.items()}) as workers:
         scenes = golden.golden_scenes() if accept else scenes_of(before)
         now = golden.measure(scenes, workers, list(installed))

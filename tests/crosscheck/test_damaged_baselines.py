@@ -160,3 +160,13 @@ def test_what_is_no_text_is_refused_by_every_command(tmp_path: Path, text: bytes
     assert told.returncode == 2
     assert told.stderr.startswith(f"{tmp_path / 'b.json'} is no baseline: ")
     assert told.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["notes", "{}", json.dumps({**ONE, "schema": 2})])
+def test_what_is_no_baseline_is_not_replaced_by_one(tmp_path: Path, text: str, command: Any) -> None:
+    """Whatever file was named was written over without a word, and so was a baseline that a merge had damaged."""
+    (path := tmp_path / "b.json").write_text(text)
+    told = command("baseline", "--accept", "--engines", "closed_form", "--file", path)
+
+    assert (told.returncode, path.read_text()) == (2, text)
+    assert told.stderr.startswith(f"{path} is no baseline: ")
