@@ -20,7 +20,7 @@ def main() -> None:
     threads that share one wait for each other, on a busy machine most of the time.
     """
     gc.set_threshold(10_000)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", os.environ.get("OMP_NUM_THREADS") or "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from crosscheck.cli import main as command_line

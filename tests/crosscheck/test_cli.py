@@ -855,7 +855,10 @@ def test_a_signal_that_the_shell_ignores_stays_ignored(monkeypatch):
     assert kept[signal.SIGTERM] is signal.SIG_DFL  # a second one ends it wherever it is
 
 
-@pytest.mark.parametrize(("asked", "threads"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3"), ({THREADS: "2"}, "2")])
+@pytest.mark.parametrize(
+    ("asked", "threads"),
+    [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3"), ({"OMP_NUM_THREADS": ""}, "1"), ({THREADS: "2"}, "2")],
+)
 def test_a_command_calculates_on_one_thread_unless_it_is_told_otherwise(monkeypatch, asked, threads):
     """A path took five times as long on two busy processors."""
     monkeypatch.setattr(os, "environ", asked)
