@@ -132,12 +132,36 @@ class Trends(_Row):
     not_shown: int = 0
 
 
+Place = Annotated[list[float], Field(min_length=2, max_length=6)]
+"""Where a part is: pixels and degrees, and of space how it is stretched, and how far in front it lies."""
+Pin = Annotated[list[float], Field(min_length=2, max_length=2)]
+Arrow = Annotated[list[float], Field(min_length=6, max_length=6)]
+
+
+class _Drawn(_Row):
+    """A scene's mechanism, as `moving_parts` has drawn it: of space, with `fit` beside it."""
+
+    name: str
+    key: str
+    ground: list[Place]
+    guide: str
+    parts: list[_Part]
+    frames: list[list[Place]]
+
+
+class _Part(_Row):
+    path: str
+    pins: list[Pin]
+    guide: str
+
+
 class _Cycle(_Row):
     factor: float
+    frames: list[list[Place] | None]
 
 
 class _Mark(_Row):
-    """Of whose fewest digits a picture is, in which scene."""
+    """Of whose fewest digits a picture is, in which scene, and where parts are in it."""
 
     engine: str
     method: str
@@ -146,6 +170,9 @@ class _Mark(_Row):
     digits: float
     time: float
     factor: float
+    pose: list[Place]
+    ghost: list[Place]
+    arrows: list[Arrow]
     cycle: _Cycle | None
     scene: NonNegativeInt
 
@@ -155,11 +182,16 @@ class Pictures(_Row):
 
     width: int
     height: int
-    scenes: Rows
+    scenes: list[_Drawn]
     marks: list[_Mark]
 
     @model_validator(mode="after")
     def _of_its_scenes(self) -> Self:
         if max((mark.scene for mark in self.marks), default=-1) >= len(self.scenes):
             raise ValueError(f"expected marks of scenes below {len(self.scenes)}")
+        for mark in self.marks:
+            parts = len(self.scenes[mark.scene].parts)
+            frames = (mark.pose, mark.ghost, *((mark.cycle and mark.cycle.frames) or ()))
+            if max(len(places or ()) for places in frames) > parts:
+                raise ValueError(f"expected places of {parts} parts in every mark of scene {mark.scene}")
         return self

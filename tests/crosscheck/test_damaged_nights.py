@@ -130,27 +130,48 @@ MARK = {
     "time": 0.0,
     "factor": 10.0,
     "scene": 0,
-    "pose": "",
-    "ghost": "M0 0",
-    "arrows": "",
-    "cycle": None,
+    "pose": [[1.0, 2.0, 3.0]],
+    "ghost": [],
+    "arrows": [[0.0, 0.0, 9.0, 9.0, 9.0, 8.0]],
+    "cycle": {"factor": 10.0, "frames": [None, [[1.0, 2.0, 3.0]]]},
 }
+PART = {"path": "M0 0", "pins": [[0.0, 0.0]], "guide": ""}
+DRAWN = {"name": "a", "key": "b", "ground": [[0.0, 0.0]], "guide": "", "parts": [PART], "frames": [[[1.0, 2.0, 3.0]]]}
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("scene", 1), ("scene", -1), ("quantity", {}), ("decade", "near"), ("digits", None), ("cycle", 0.5), ("time", "")],
+    [("scene", 1), ("scene", -1), ("quantity", {}), ("decade", "near"), ("digits", None), ("cycle", 0.5), ("time", "")]
+    + [
+        (key, value)
+        for key in ("pose", "ghost", "arrows")
+        for value in (None, 3, "M0 0", [1.0], [["x", 0.0]], [[10**400] * 6])
+    ]
+    + [("pose", [[0.0, 0.0, 0.0]] * 2), ("ghost", [[0.0, 0.0, 0.0]] * 2), ("arrows", [[0.0, 0.0]])]
+    + [("cycle", {"factor": 1.0}), ("cycle", {"factor": 1.0, "frames": [[[0.0, 0.0, 0.0]] * 2]})],
 )
 def test_a_mark_without_a_picture_is_told_with_its_place(tmp_path: Path, key: str, value: Any) -> None:
-    pictures = {"width": 300, "height": 190, "scenes": [{}], "marks": [{**MARK, key: value}]}
+    pictures = {"width": 300, "height": 190, "scenes": [DRAWN], "marks": [{**MARK, key: value}]}
     report, _ = of_run(tmp_path, record("a", good_answer("mujoco")), pictures=pictures)
 
     assert report["verdict"] == "infrastructure"
     assert report["failures"][0].startswith("pictures.json cannot be read: ")
 
 
+@pytest.mark.parametrize("key", DRAWN)
+@pytest.mark.parametrize("value", [None, 3, [3], [[["x"]]], ...])
+def test_a_scene_without_a_picture_is_told_with_its_place(tmp_path: Path, key: str, value: Any) -> None:
+    """Instead of the report stood a fault of our own."""
+    drawn = {k: v for k, v in {**DRAWN, key: value}.items() if v is not ...}
+    pictures = {"width": 300, "height": 190, "scenes": [drawn], "marks": [MARK]}
+    report, _ = of_run(tmp_path, record("a", good_answer("exudyn")), pictures=pictures)
+
+    assert report["verdict"] == "infrastructure"
+    assert report["failures"][0].startswith(f"pictures.json cannot be read: scenes.0.{key}")
+
+
 def test_pictures_of_an_engine_whose_records_were_lost_are_not_shown(tmp_path: Path) -> None:
-    pictures = {"width": 300, "height": 190, "scenes": [{}], "marks": [MARK]}
+    pictures = {"width": 300, "height": 190, "scenes": [DRAWN], "marks": [MARK]}
     report, _ = of_run(tmp_path, pictures=pictures)
 
     assert report["verdict"] == "nothing ran"
