@@ -90,8 +90,8 @@ def test_source_and_tests_stay_as_long_as_they_are():
     """A change leaves them no longer, or raises this bar and says why."""
     size = {folder: sum(path.read_text(encoding="utf-8").count("\n") for path in sources(folder)) for folder in ALL}
 
-    assert size["refkin"] + size["crosscheck"] <= 63_630
-    assert size["tests"] <= 50_990
+    assert size["refkin"] + size["crosscheck"] <= 63_677
+    assert size["tests"] <= 51_043
 
 
 ALL = ("refkin", "crosscheck", "tests")
