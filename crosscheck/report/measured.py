@@ -138,18 +138,18 @@ Pin = Annotated[list[float], Field(min_length=2, max_length=2)]
 Arrow = Annotated[list[float], Field(min_length=6, max_length=6)]
 
 
-class _Drawn(_Row):
+class _DrawnScene(_Row):
     """A scene's mechanism, as `moving_parts` has drawn it: of space, with `fit` beside it."""
 
     name: str
     key: str
     ground: list[Place]
     guide: str
-    parts: list[_Part]
+    parts: list[_DrawnPart]
     frames: list[list[Place]]
 
 
-class _Part(_Row):
+class _DrawnPart(_Row):
     path: str
     pins: list[Pin]
     guide: str
@@ -182,7 +182,7 @@ class Pictures(_Row):
 
     width: int
     height: int
-    scenes: list[_Drawn]
+    scenes: list[_DrawnScene]
     marks: list[_Mark]
 
     @model_validator(mode="after")
